@@ -1,0 +1,1 @@
+"""Shipped machines, jobs and surfaces; found with `dnc.shipped.shipped_path`."""

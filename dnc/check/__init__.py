@@ -1,0 +1,1 @@
+"""Findings about a program before any byte leaves."""

@@ -1,0 +1,81 @@
+"""The dnc program: finds the command, runs it, turns every error into one sentence and its exit code."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pkgutil
+import sys
+import traceback
+from pathlib import Path
+
+import click
+
+import dnc.cli
+from planner.errors import ExitCode, UserError
+
+_HIDDEN = {"main"}
+
+
+class _Commands(click.Group):
+    """Loads a command's file only when it is asked for, so that `dnc send` stays light."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        del ctx
+        names = (found.name for found in pkgutil.iter_modules(dnc.cli.__path__))
+        return sorted(name.replace("_", "-") for name in names if name not in _HIDDEN and not name.startswith("_"))
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in self.list_commands(ctx):
+            return None
+        module = importlib.import_module(f"dnc.cli.{cmd_name.replace('-', '_')}")
+        command = module.command
+        assert isinstance(command, click.Command)
+        return command
+
+
+@click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="dripmill", prog_name="dnc")
+def program() -> None:
+    """Plan, check, rehearse and drip-feed finishing programs to a mill over RS-232.
+
+    No key of this program is an emergency stop.
+    """
+
+
+def run() -> None:
+    """Entry point of the `dnc` command; never shows a traceback for bad input."""
+    sys.exit(run_with(sys.argv[1:]))
+
+
+def run_with(arguments: list[str]) -> int:
+    """Run one command line and return its exit code (interface, section 6)."""
+    try:
+        result = program.main(args=arguments, prog_name="dnc", standalone_mode=False)
+    except UserError as error:
+        click.echo(f"dnc: {error}", err=True)
+        return int(error.exit_code)
+    except click.exceptions.Abort:
+        click.echo("dnc: interrupted", err=True)
+        return 130
+    except click.ClickException as error:
+        error.show()
+        return int(ExitCode.USAGE)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:  # noqa: BLE001 (the rim: a fault of ours becomes one sentence and a file to report)
+        return _internal_fault(error)
+    return result if isinstance(result, int) else 0
+
+
+def _internal_fault(error: Exception) -> int:
+    place = Path(os.environ.get("XDG_STATE_HOME", Path.home() / ".local/state")) / "dnc" / "fault.txt"
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text("".join(traceback.format_exception(error)))
+        where = f"; details are in {place}, please report them"
+    except OSError:
+        where = ""
+    click.echo(f"dnc: internal fault: {type(error).__name__}: {error}{where}", err=True)
+    return int(ExitCode.INTERNAL)

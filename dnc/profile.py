@@ -1,0 +1,131 @@
+"""The machine profile as the sending side reads it: every key of docs/interface section 4, checked.
+
+`sim.profile` reads the same file on its own, on purpose: one mistake must not hide in both ends of the cable.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from dnc.errors import SettingsRejected
+from dnc.shipped import shipped_path
+from planner import tomlfile
+
+Byte = Annotated[int, Meta(ge=0, le=255)]
+Positive = Annotated[float, Meta(gt=0)]
+NotNegative = Annotated[float, Meta(ge=0)]
+Count = Annotated[int, Meta(ge=0)]
+
+
+class Link(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The serial line; characters are written data bits, parity, stop bits, such as 7E2."""
+
+    baud: Annotated[int, Meta(ge=50, le=4_000_000)] = 9600
+    format: Annotated[str, Meta(pattern=r"^[5-8][NEOMS](1|1\.5|2)$")] = "8N1"
+    handshake: Literal["xonxoff", "driver", "rtscts", "dtrdsr", "none"] = "xonxoff"
+    xon: Byte = 0x11
+    xoff: Byte = 0x13
+    start: Literal["immediate", "wait-xon"] = "immediate"
+    start_timeout_s: NotNegative = 60.0
+    hold_timeout_s: NotNegative = 0.0
+    inflight_max_bytes: Annotated[int, Meta(ge=1)] = 3
+    char_delay_s: NotNegative = 0.0
+    line_delay_s: NotNegative = 0.0
+
+
+class Tape(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    r"""What surrounds the program; leader and trailer know \NUL*n, \CR, \LF, \DC2, \DC4 and plain text."""
+
+    leader: str = ""
+    trailer: str = ""
+    end_of_block: str = "as-is"
+    character_set: Literal["ascii", "iso", "any"] = "ascii"
+
+
+class Control(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the control reads and how much it can take."""
+
+    dialect: Literal["sinumerik", "fanuc", "heidenhain", "linuxcnc", "generic"] = "sinumerik"
+    knot_rule: Literal["nx", "genua"] = "nx"
+    knot_rule_verified: dt.date | Literal[False] = False
+    resolution_mm: Positive = 0.001
+    tool_length_reference: Literal["tip", "centre"] = "tip"
+    receive_buffer_bytes: Annotated[int, Meta(ge=16)] = 30720
+    xoff_free_bytes: Count = 120
+    xon_fill_bytes: Count = 15360
+    overrun_allowed_bytes: Count = 120
+    block_cycle_s: Positive = 0.004
+    lookahead_blocks: Annotated[int, Meta(ge=1)] = 100
+    min_spline_blocks: Count = 6
+
+
+class Axis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One axis: travel, rapid speed, acceleration, jerk."""
+
+    min_mm: float
+    max_mm: float
+    rapid_mm_min: Positive
+    acceleration_mm_s2: Positive
+    jerk_mm_s3: Positive
+
+
+class Register(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One named value of the control's status map: zero-based wire address."""
+
+    function: Annotated[int, Meta(ge=1, le=4)]
+    address: Annotated[int, Meta(ge=0, le=65535)]
+    type: Literal["bit", "u16", "i16", "u32", "i32", "ascii"]
+    scale: float = 1.0
+    limits: tuple[float, float] | None = None
+
+
+class Modbus(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where machine status is read from."""
+
+    host: str = "127.0.0.1"
+    port: Annotated[int, Meta(ge=1, le=65535)] = 5020
+    device_id: Annotated[int, Meta(ge=0, le=255)] = 1
+    register: dict[str, Register] = msgspec.field(default_factory=dict)
+
+
+class MachineProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A whole machine file."""
+
+    link: Link
+    control: Control
+    axes: dict[Literal["X", "Y", "Z"], Axis]
+    tape: Tape = msgspec.field(default_factory=Tape)
+    modbus: Modbus = msgspec.field(default_factory=Modbus)
+
+
+def profile_path(name_or_path: str, user_folder: Path | None = None) -> Path:
+    """Where a profile lies: a path ending in .toml, else a shipped name, else the user's folder."""
+    if name_or_path.endswith(".toml") or "/" in name_or_path:
+        return Path(name_or_path)
+    if user_folder is not None and (user_folder / f"{name_or_path}.toml").is_file():
+        return user_folder / f"{name_or_path}.toml"
+    return shipped_path("machines", name_or_path)
+
+
+def load_profile(path: Path) -> MachineProfile:
+    """The profile in this file; raises SettingsRejected with file and line."""
+    profile, lines = tomlfile.load(path, MachineProfile, error=SettingsRejected)
+    missing = [name for name in ("X", "Y", "Z") if name not in profile.axes]
+    if missing:
+        raise SettingsRejected(
+            f"axis {missing[0]} is missing", path=path, line=lines.get(("axes",)), remedy=f"add [axes.{missing[0]}]"
+        )
+    control = profile.control
+    if control.xoff_free_bytes + control.xon_fill_bytes > control.receive_buffer_bytes:
+        raise SettingsRejected(
+            "xoff_free_bytes and xon_fill_bytes exceed receive_buffer_bytes",
+            path=path,
+            line=lines.get(("control", "xon_fill_bytes")),
+            remedy="lower one of them",
+        )
+    return profile

@@ -1,0 +1,1 @@
+"""Ball-end finishing tool paths on parametric surfaces, as planar cubic B-splines."""

@@ -1,0 +1,1 @@
+"""From surface and driving planes to passes: tracing, fitting, scallop, pick feed."""

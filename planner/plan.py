@@ -1,0 +1,1 @@
+"""The pipeline: a job becomes a tool path, a program and a report."""

@@ -1,0 +1,1 @@
+"""Parametric surfaces: B-spline basis, patches, curvature, parts, loading."""

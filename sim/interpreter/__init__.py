@@ -1,0 +1,1 @@
+"""What each block does: words in, canonical commands out."""

@@ -1,0 +1,169 @@
+"""Canonical commands: the interpreter's only output, explicit and free of modality.
+
+Every command carries its source: `line` (physical line, from 1) and `block` (the N word, or None). Positions are in
+work coordinates (the frame that settable and programmable offsets make), mm, of the programmed point: the tool tip, or
+the ball's centre where the program says so. Feeds mm/min, times s, angles rad.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What every canonical command carries."""
+
+    line: int
+    block: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Rapid(Command):
+    """Move all axes to `end` as fast as they go; the path between is not defined (it may dog-leg)."""
+
+    start: Vector
+    end: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Line(Command):
+    """Cut straight from `start` to `end`."""
+
+    start: Vector
+    end: Vector
+    feed_mm_min: float
+
+
+@dataclass(frozen=True, slots=True)
+class Arc(Command):
+    """Cut about `centre`, turning about `axis` (unit, right hand) through `sweep_rad` (> 0); helical along `axis`."""
+
+    start: Vector
+    end: Vector
+    centre: Vector
+    axis: Vector
+    sweep_rad: float
+    feed_mm_min: float
+
+
+@dataclass(frozen=True, slots=True)
+class Polynomial(Command):
+    """Cut along c(p) = sum coefficients[k] p^k / sum denominator[k] p^k, p from 0 to `length`.
+
+    `coefficients` are vectors, lowest power first, so coefficients[0] is `start`; `denominator` is (1.0,) when the
+    curve is not rational. POLY blocks give one each; BSPLINE, ASPLINE and CSPLINE give one a span.
+    """
+
+    start: Vector
+    end: Vector
+    coefficients: tuple[Vector, ...]
+    denominator: tuple[float, ...]
+    length: float
+    feed_mm_min: float
+
+
+class PathMode(Enum):
+    """How the control passes from block to block."""
+
+    EXACT_STOP = "G60"
+    CONTINUOUS = "G64"
+    ROUNDING_DISTANCE = "G641"
+    ROUNDING_TOLERANCE = "G642"
+
+
+@dataclass(frozen=True, slots=True)
+class SetPathMode(Command):
+    """From here on blocks join like this; `tolerance_mm` is the rounding distance or tolerance, or None."""
+
+    mode: PathMode
+    tolerance_mm: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class ExactStopOnce(Command):
+    """The move that follows ends with an exact stop (G9)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SetJerkLimit(Command):
+    """SOFT (True), BRISK (False)."""
+
+    is_limited: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell(Command):
+    """Stand still for this time."""
+
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class SelectTool(Command):
+    """Tool `number` is made ready (T)."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeTool(Command):
+    """Tool `number` is in the spindle (M6, or T alone where the machine has no changer)."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class SelectEdge(Command):
+    """Cutting edge D; 0 switches the offsets of the tool off."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Spindle(Command):
+    """Spindle speed, 1/min: > 0 clockwise (M3), < 0 counter-clockwise (M4), 0 stopped (M5)."""
+
+    speed_rpm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Coolant(Command):
+    """Coolant outlets on or off."""
+
+    is_flood: bool
+    is_mist: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Message(Command):
+    """Text for the operator; empty deletes it."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Stop(Command):
+    """Program stop: M0, or M1 when `is_optional`."""
+
+    is_optional: bool
+
+
+@dataclass(frozen=True, slots=True)
+class End(Command):
+    """Program end (M2, M30)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm(Command):
+    """The control refuses the block and stops; `number` as the control names it, `text` one sentence."""
+
+    number: int
+    text: str
+    column: int | None
+
+
+Motion = Rapid | Line | Arc | Polynomial

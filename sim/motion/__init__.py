@@ -1,0 +1,1 @@
+"""How the axes move along the commanded path in time."""
