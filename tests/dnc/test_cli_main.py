@@ -1,0 +1,50 @@
+"""The rim of the command line: every error is one sentence with its exit code, never a traceback."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import pytest
+
+from dnc.cli import main
+from dnc.errors import PortUnavailable
+from dnc.shipped import shipped_names, shipped_path
+from planner.errors import ExitCode, SettingsRejected
+
+
+def _fail_with(error: Exception) -> click.Command:
+    @click.command()
+    def command() -> None:
+        raise error
+
+    return command
+
+
+def test_user_error_becomes_its_sentence(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(main, "program", _fail_with(PortUnavailable("/dev/ttyUSB0 is absent; plug it in")))
+    assert main.run_with([]) == ExitCode.PORT
+    assert capsys.readouterr().err == "dnc: /dev/ttyUSB0 is absent; plug it in\n"
+
+
+def test_internal_fault_is_a_sentence_and_a_file(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setattr(main, "program", _fail_with(ZeroDivisionError("division by zero")))
+    assert main.run_with([]) == ExitCode.INTERNAL
+    shown = capsys.readouterr().err
+    assert "Traceback" not in shown
+    assert shown.count("\n") == 1
+    assert "ZeroDivisionError" in (tmp_path / "dnc/fault.txt").read_text()
+
+
+def test_unknown_command_is_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run_with(["sned"]) == ExitCode.USAGE
+    assert "No such command" in capsys.readouterr().err
+
+
+def test_unknown_machine_lists_the_known(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SettingsRejected, match="known: .*sinumerik-840d"):
+        shipped_path("machines", "sinumerik-840")
+    assert "thesis" in shipped_names("jobs")
