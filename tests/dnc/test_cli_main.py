@@ -45,6 +45,6 @@ def test_unknown_command_is_usage(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_unknown_machine_lists_the_known(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SettingsRejected, match="known: .*sinumerik-840d"):
+    with pytest.raises(SettingsRejected, match=r"known: .*sinumerik-840d"):
         shipped_path("machines", "sinumerik-840")
     assert "thesis" in shipped_names("jobs")
