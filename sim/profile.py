@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
+import msgspec
+from msgspec import Meta
+
+from planner import tomlfile
 from planner.errors import SettingsRejected
-from planner.tomlfile import read_text
+
+Byte = Annotated[int, Meta(ge=0, le=255)]
+Positive = Annotated[float, Meta(gt=0)]
+Count = Annotated[int, Meta(ge=0)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,47 +54,74 @@ class MillProfile:
         return 1 + int(self.format[0]) + parity + float(self.format[2:])
 
 
+class _Link(msgspec.Struct, frozen=True):
+    baud: Annotated[int, Meta(ge=50, le=4_000_000)]
+    format: Annotated[str, Meta(pattern=r"^[5-8][NEOMS](1|1\.5|2)$")]
+    xon: Byte = 0x11
+    xoff: Byte = 0x13
+
+
+class _Control(msgspec.Struct, frozen=True):
+    dialect: str
+    resolution_mm: Positive
+    receive_buffer_bytes: Annotated[int, Meta(ge=16, le=1 << 30)]
+    xoff_free_bytes: Count
+    xon_fill_bytes: Count
+    block_cycle_s: Positive
+    lookahead_blocks: Annotated[int, Meta(ge=1, le=1_000_000)]
+    knot_rule: str = "nx"
+    tool_length_reference: str = "tip"
+
+
+class _Axis(msgspec.Struct, frozen=True):
+    min_mm: float
+    max_mm: float
+    rapid_mm_min: Positive
+    acceleration_mm_s2: Positive
+    jerk_mm_s3: Positive
+
+
+class _Axes(msgspec.Struct, frozen=True):
+    X: _Axis
+    Y: _Axis
+    Z: _Axis
+
+
+class _MachineFile(msgspec.Struct, frozen=True):
+    """The mill's half of the file; the keys of the sending side are not its business."""
+
+    link: _Link
+    control: _Control
+    axes: _Axes
+
+
 def load_mill_profile(path: Path) -> MillProfile:
-    """The mill's half of a machine profile; raises SettingsRejected naming the key that is missing or unusable."""
-    text = read_text(path, error=SettingsRejected)
-    data = _parsed(path, text)
-    link, control = data.get("link", {}), data.get("control", {})
-    try:
-        x, y, z = (_axis(data["axes"][name]) for name in "XYZ")
-        return MillProfile(
-            baud=int(link["baud"]),
-            format=str(link["format"]),
-            xon=int(link.get("xon", 0x11)),
-            xoff=int(link.get("xoff", 0x13)),
-            dialect=str(control["dialect"]),
-            knot_rule=str(control.get("knot_rule", "nx")),
-            resolution_mm=float(control["resolution_mm"]),
-            tool_length_reference=str(control.get("tool_length_reference", "tip")),
-            receive_buffer_bytes=int(control["receive_buffer_bytes"]),
-            xoff_free_bytes=int(control["xoff_free_bytes"]),
-            xon_fill_bytes=int(control["xon_fill_bytes"]),
-            block_cycle_s=float(control["block_cycle_s"]),
-            lookahead_blocks=int(control["lookahead_blocks"]),
-            axes=(x, y, z),
-        )
-    except KeyError as problem:
-        raise SettingsRejected(f"{problem.args[0]} is missing", path=path, remedy="add it") from None
-    except (TypeError, ValueError) as problem:
-        raise SettingsRejected(f"a value has the wrong type: {problem}", path=path, remedy="mend it") from None
+    """The mill's half of a machine profile; raises SettingsRejected with file, line and key."""
+    file, _ = tomlfile.load(path, _MachineFile, error=SettingsRejected)
+    link, control = file.link, file.control
+    return MillProfile(
+        baud=link.baud,
+        format=link.format,
+        xon=link.xon,
+        xoff=link.xoff,
+        dialect=control.dialect,
+        knot_rule=control.knot_rule,
+        resolution_mm=control.resolution_mm,
+        tool_length_reference=control.tool_length_reference,
+        receive_buffer_bytes=control.receive_buffer_bytes,
+        xoff_free_bytes=control.xoff_free_bytes,
+        xon_fill_bytes=control.xon_fill_bytes,
+        block_cycle_s=control.block_cycle_s,
+        lookahead_blocks=control.lookahead_blocks,
+        axes=(_limits(file.axes.X), _limits(file.axes.Y), _limits(file.axes.Z)),
+    )
 
 
-def _parsed(path: Path, text: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise SettingsRejected(f"not valid TOML: {problem}", path=path, remedy="mend this line") from None
-
-
-def _axis(table: dict[str, Any]) -> AxisLimits:
+def _limits(axis: _Axis) -> AxisLimits:
     return AxisLimits(
-        min_mm=float(table["min_mm"]),
-        max_mm=float(table["max_mm"]),
-        rapid_mm_s=float(table["rapid_mm_min"]) / 60.0,
-        acceleration_mm_s2=float(table["acceleration_mm_s2"]),
-        jerk_mm_s3=float(table["jerk_mm_s3"]),
+        min_mm=axis.min_mm,
+        max_mm=axis.max_mm,
+        rapid_mm_s=axis.rapid_mm_min / 60.0,
+        acceleration_mm_s2=axis.acceleration_mm_s2,
+        jerk_mm_s3=axis.jerk_mm_s3,
     )

@@ -1,0 +1,38 @@
+"""2,000 mutated jobs, surfaces, profiles and programs: one sentence or success, never another exception (2.7)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dnc.profile import load_profile
+from planner.errors import ExitCode, UserError
+from planner.job import load_job
+from sim.profile import load_mill_profile
+from tests.helpers.mutate import mutated
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+KINDS: dict[str, tuple[Path, Callable[[Path], object]]] = {
+    "job": (CONFIGS / "jobs/thesis.toml", load_job),
+    "profile": (CONFIGS / "machines/sinumerik-840d.toml", load_profile),
+    "mill-profile": (CONFIGS / "machines/sinumerik-840d.toml", load_mill_profile),
+}
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_mutated_file_is_accepted_or_refused_in_one_sentence(kind: str, tmp_path: Path, data: st.DataObject) -> None:
+    original, load = KINDS[kind]
+    path = tmp_path / original.name
+    path.write_bytes(data.draw(mutated(original.read_bytes())))
+    try:
+        load(path)
+    except UserError as error:
+        assert error.exit_code in (ExitCode.REJECTED, ExitCode.SETTINGS)
+        assert str(error).startswith(str(path))
+        assert "\n" not in str(error)
