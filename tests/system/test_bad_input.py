@@ -30,9 +30,16 @@ def test_mutated_file_is_accepted_or_refused_in_one_sentence(kind: str, tmp_path
     original, load = KINDS[kind]
     path = tmp_path / original.name
     path.write_bytes(data.draw(mutated(original.read_bytes())))
+    refusal = _refusal(load, path)
+    if refusal is not None:
+        assert refusal.exit_code in (ExitCode.REJECTED, ExitCode.SETTINGS)
+        assert str(refusal).startswith(str(path))
+        assert "\n" not in str(refusal)
+
+
+def _refusal(load: Callable[[Path], object], path: Path) -> UserError | None:
     try:
         load(path)
     except UserError as error:
-        assert error.exit_code in (ExitCode.REJECTED, ExitCode.SETTINGS)
-        assert str(error).startswith(str(path))
-        assert "\n" not in str(error)
+        return error
+    return None
