@@ -1,0 +1,80 @@
+"""The offset surface: where the ball's centre goes when the ball touches the part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.surface.patch import NurbsPatch
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetPoints:
+    """Points of the offset surface, every array (3, m), components first, mm.
+
+    `centre` is Q + R N, `contact` Q itself, `normal` the unit normal N toward the tool; `_u` and `_v` are derivatives.
+    """
+
+    contact: Array
+    contact_u: Array
+    contact_v: Array
+    centre: Array
+    centre_u: Array
+    centre_v: Array
+    normal: Array
+    normal_u: Array
+    normal_v: Array
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetSurface:
+    """A patch at the distance of the ball's radius on the tool's side, eq. (4).
+
+    `side` is +1 where Qu x Qv points to the tool (up), -1 where it points away.
+    """
+
+    patch: NurbsPatch
+    radius_mm: float
+    side: int = 1
+
+    def evaluate(self, u: Array, v: Array) -> OffsetPoints:
+        """Centres, contacts and first derivatives at parameters u, v (m,)."""
+        found = self.patch.evaluate(u, v)
+        cross = self.side * cross_product(found.du, found.dv)
+        length = np.sqrt(dot(cross, cross))
+        normal = cross / length
+        bent_u = self.side * (cross_product(found.duu, found.dv) + cross_product(found.du, found.duv))
+        bent_v = self.side * (cross_product(found.duv, found.dv) + cross_product(found.du, found.dvv))
+        normal_u = (bent_u - dot(bent_u, normal) * normal) / length
+        normal_v = (bent_v - dot(bent_v, normal) * normal) / length
+        return OffsetPoints(
+            contact=found.point,
+            contact_u=found.du,
+            contact_v=found.dv,
+            centre=found.point + self.radius_mm * normal,
+            centre_u=found.du + self.radius_mm * normal_u,
+            centre_v=found.dv + self.radius_mm * normal_v,
+            normal=normal,
+            normal_u=normal_u,
+            normal_v=normal_v,
+        )
+
+
+def cross_product(left: Array, right: Array) -> Array:
+    """Cross products of columns: (3, m) x (3, m), without the axis shuffling of np.cross."""
+    return np.stack(
+        [
+            left[1] * right[2] - left[2] * right[1],
+            left[2] * right[0] - left[0] * right[2],
+            left[0] * right[1] - left[1] * right[0],
+        ]
+    )
+
+
+def dot(left: Array, right: Array) -> Array:
+    """Scalar products of columns: (3, m), (3, m) -> (m,)."""
+    return np.asarray(left[0] * right[0] + left[1] * right[1] + left[2] * right[2])

@@ -1,0 +1,191 @@
+"""Exact CL curves: the offset surface cut by driving planes, all planes solved together.
+
+A ball-end mill comes from above, so the offset surface is a height over the XY plane wherever the tool can be: each
+point of a plane (its place w along the plane) belongs to one parameter pair (u, v), found by Newton's method on two
+equations. Marching point by point is not needed. Derivation: EQUATIONS.md, section 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.path.model import DrivingPlane
+from planner.path.offset import OffsetPoints, OffsetSurface, dot
+
+Array = NDArray[np.float64]
+
+
+class TraceEnd(Enum):
+    """How a bounded Newton iteration ended; the value is the sentence for the user."""
+
+    FOUND = "every point was found to the asked residual"
+    RAN_OUT = "Newton's method did not settle within its steps"
+    LEFT = "the point lies beyond the reach of the surface"
+
+
+@dataclass(frozen=True, slots=True)
+class CurveSamples:
+    """Points of a CL curve: `points` (k, 2) of (w, z), `tangents` (k, 2), `curvatures` (k,), `parameters` (k, 2)."""
+
+    points: Array
+    tangents: Array
+    curvatures: Array
+    parameters: Array
+
+
+@dataclass(frozen=True, slots=True)
+class TracedCurve:
+    """One branch of offset surface and driving plane, running in +w, at nodes dense enough to start Newton anywhere.
+
+    `arc_mm` (m,) from 0; `points` (m, 2) exact (w, z), mm; `tangents` (m, 2) unit; `curvatures` (m,) signed
+    d(angle)/ds, 1/mm; `parameters` (m, 2) of (u, v); `surface` is the offset surface it lies on.
+    """
+
+    plane: DrivingPlane
+    arc_mm: Array
+    points: Array
+    tangents: Array
+    curvatures: Array
+    parameters: Array
+    surface: OffsetSurface
+
+    @property
+    def length_mm(self) -> float:
+        """The length of the curve."""
+        return float(self.arc_mm[-1])
+
+    def refine(self, arc_mm: Array) -> CurveSamples:
+        """The exact curve at any arc lengths (k,) within [0, length_mm]."""
+        return refine_many([self], [arc_mm])[0]
+
+
+def refine_many(curves: Sequence[TracedCurve], arcs_mm: Sequence[Array]) -> list[CurveSamples]:
+    """The exact curves at these arc lengths, one array a curve, all solved in the same blocks.
+
+    All curves must lie on one surface. The arc length is integrated between nodes to about 1e-9 of their spacing; the
+    points themselves are on plane and offset surface to rounding.
+    """
+    starts = [_between_nodes(curve, arc) for curve, arc in zip(curves, arcs_mm, strict=True)]
+    w_mm = np.concatenate([start[0] for start in starts])
+    guess = np.concatenate([start[1] for start in starts], axis=1)
+    counts = [len(arc) for arc in arcs_mm]
+    owner = np.repeat(np.arange(len(curves)), counts)
+    planes = [curve.plane for curve in curves]
+    samples = solve_on_planes(curves[0].surface, planes, owner, w_mm, guess)[0]
+    cuts = np.cumsum(counts)[:-1]
+    fields = (samples.points, samples.tangents, samples.curvatures, samples.parameters)
+    return [CurveSamples(*parts) for parts in zip(*(np.split(field, cuts) for field in fields), strict=True)]
+
+
+def solve_on_planes(
+    surface: OffsetSurface, planes: Sequence[DrivingPlane], owner: NDArray[np.intp], w_mm: Array, guess: Array
+) -> tuple[CurveSamples, NDArray[np.bool_]]:
+    """The curve points at places w (k,) of the planes planes[owner], from guesses (2, k) of (u, v).
+
+    Returns the samples and, per point, whether Newton's method found it.
+    """
+    directions = np.array([plane.direction[:2] for plane in planes])[owner].T
+    normals = np.array([plane.normal[:2] for plane in planes])[owner].T
+    offsets = np.array([plane.offset_mm for plane in planes])[owner]
+    target = w_mm * directions + offsets * normals
+    parameters, found, is_found = locate(surface, target, guess, residual_mm=1e-11, steps=40)
+    return _samples(found, parameters, directions, w_mm), is_found
+
+
+def locate(
+    surface: OffsetSurface, target_xy: Array, guess: Array, *, residual_mm: float, steps: int
+) -> tuple[Array, OffsetPoints, NDArray[np.bool_]]:
+    """The parameters (2, k) whose ball centres stand at XY `target_xy` (2, k), eq. (6), with the points there.
+
+    Damped by limiting a step to a quarter of the domain; at most `steps` steps, each on the points still open.
+    """
+    (u_low, u_high), (v_low, v_high) = surface.patch.domain
+    limit = 0.25 * np.array([[u_high - u_low], [v_high - v_low]])
+    parameters = guess.copy()
+    found = surface.evaluate(parameters[0], parameters[1])
+    for _ in range(steps):
+        short = target_xy - found.centre[:2]
+        is_open = ~(np.abs(short).max(axis=0) <= residual_mm)
+        if not is_open.any():
+            break
+        chosen = np.flatnonzero(is_open)
+        step = _solve_2x2(found.centre_u[:2, chosen], found.centre_v[:2, chosen], short[:, chosen])
+        parameters[:, chosen] += np.clip(np.nan_to_num(step), -limit, limit)
+        part = surface.evaluate(parameters[0, chosen], parameters[1, chosen])
+        found = part if len(chosen) == len(is_open) else _replace(found, part, chosen)
+    is_found = np.abs(target_xy - found.centre[:2]).max(axis=0, initial=0.0) <= max(residual_mm, 1e-9)
+    return parameters, found, is_found
+
+
+def _samples(found: OffsetPoints, parameters: Array, directions: Array, w_mm: Array) -> CurveSamples:
+    """Slope and curvature of the plane curve from the offset surface's normal, eqs. (7) and (8)."""
+    along = directions[0] * found.normal[0] + directions[1] * found.normal[1]
+    length = np.hypot(along, found.normal[2])
+    cosine, sine = found.normal[2] / length, -along / length
+    ahead = np.stack([cosine * directions[0], cosine * directions[1], sine])
+    step_u, step_v = _solve_2x2(found.centre_u[:2], found.centre_v[:2], ahead[:2])
+    turn = step_u * found.normal_u + step_v * found.normal_v
+    curvature = -dot(turn, ahead) / length
+    return CurveSamples(
+        points=np.stack([w_mm, found.centre[2]], axis=1),
+        tangents=np.stack([cosine, sine], axis=1),
+        curvatures=curvature,
+        parameters=parameters.T.copy(),
+    )
+
+
+def _between_nodes(curve: TracedCurve, arc_mm: Array) -> tuple[Array, Array]:
+    """Guesses of w (k,) and (u, v) (2, k) at arc lengths, from the nodes on either side."""
+    after = np.clip(np.searchsorted(curve.arc_mm, arc_mm), 1, len(curve.arc_mm) - 1)
+    left, right = after - 1, after
+    span = curve.arc_mm[right] - curve.arc_mm[left]
+    share = np.clip((arc_mm - curve.arc_mm[left]) / span, 0.0, 1.0)
+    w_mm = _quintic(
+        share,
+        span,
+        [curve.points[left, 0], curve.tangents[left, 0], -curve.tangents[left, 1] * curve.curvatures[left]],
+        [curve.points[right, 0], curve.tangents[right, 0], -curve.tangents[right, 1] * curve.curvatures[right]],
+    )
+    share_w = (w_mm - curve.points[left, 0]) / (curve.points[right, 0] - curve.points[left, 0])
+    guess = curve.parameters[left] + share_w[:, None] * (curve.parameters[right] - curve.parameters[left])
+    return w_mm, guess.T.copy()
+
+
+def _quintic(share: Array, span: Array, left: list[Array], right: list[Array]) -> Array:
+    """Hermite interpolation of value, slope and bend at both ends of a span, eq. (9)."""
+    t = share
+    t3 = t**3
+    slope_left, slope_right = left[1] * span, right[1] * span
+    bend_left, bend_right = left[2] * span**2, right[2] * span**2
+    return np.asarray(
+        left[0]
+        + slope_left * (t - t3 * (6 - 8 * t + 3 * t * t))
+        + (right[0] - left[0]) * t3 * (10 - 15 * t + 6 * t * t)
+        - slope_right * t3 * (4 - 7 * t + 3 * t * t)
+        + 0.5 * bend_left * (t * t - 3 * t3 + 3 * t3 * t - t3 * t * t)
+        + 0.5 * bend_right * t3 * (1 - 2 * t + t * t)
+    )
+
+
+def _solve_2x2(column_u: Array, column_v: Array, right: Array) -> Array:
+    """Solutions (2, k) of column_u x + column_v y = right, each (2, k); not finite where singular."""
+    determinant = column_u[0] * column_v[1] - column_u[1] * column_v[0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.stack(
+            [
+                (right[0] * column_v[1] - right[1] * column_v[0]) / determinant,
+                (column_u[0] * right[1] - column_u[1] * right[0]) / determinant,
+            ]
+        )
+
+
+def _replace(found: OffsetPoints, part: OffsetPoints, chosen: NDArray[np.intp]) -> OffsetPoints:
+    """The same points with the chosen columns renewed."""
+    for name in OffsetPoints.__slots__:
+        getattr(found, name)[:, chosen] = getattr(part, name)
+    return found
