@@ -1,0 +1,233 @@
+"""The SINUMERIK 840D post: head, one numbered start a pass, cutting blocks, tail.
+
+Z moves alone or X and Y move alone; the machine height comes before every tool change and at the end, by its own
+block with the tool offset off. The plunge ends in an exact stop (G9), so that no rounding can cut its corner; along a
+pass G64 keeps to the written path. Blanks stand only where two names would run together.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from planner.errors import InputRejected
+from planner.job import Job, Operation
+from planner.path.model import PlaneSpline, Polyline, ToolPath
+from planner.post.base import ControlLimits, Written, rounding_budget_mm
+from planner.post.linear import linear_pass
+from planner.post.numbers import plain
+from planner.post.passtext import PassText
+from planner.post.poly import poly_passes
+from planner.post.stamp import Stamp
+
+_FINEST_DECIMALS = 8
+_LONGEST_NAME = 24
+
+
+@dataclass(slots=True)
+class _Page:
+    """The program as it grows: lines, the restart points, the counts."""
+
+    numbers: str
+    lines: list[str] = field(default_factory=list)
+    restart_points: list[dict[str, Any]] = field(default_factory=list)
+    blocks: int = 0
+    number: int = 0
+    cutting_blocks: int = 0
+    cutting_bytes: int = 0
+    length_bytes: int = 0
+
+    def comment(self, text: str) -> None:
+        self._line(text)
+
+    def block(self, text: str, *, starts_pass: bool = False) -> None:
+        if self.numbers == "all" or (starts_pass and self.numbers == "pass"):
+            self.number += 1
+            text = f"N{self.number}{text}" if text[0] in "GXYZP" else f"N{self.number} {text}"
+        self.blocks += 1
+        self._line(text)
+
+    def cut(self, blocks: Sequence[str]) -> None:
+        before = self.length_bytes
+        for text in blocks:
+            self.block(text)
+        self.cutting_blocks += len(blocks)
+        self.cutting_bytes += self.length_bytes - before
+
+    def _line(self, text: str) -> None:
+        self.lines.append(text)
+        self.length_bytes += len(text) + 1
+
+
+def write_sinumerik(
+    job: Job, operation: Operation, tool_path: ToolPath, control: ControlLimits, *, lift_mm: float
+) -> Written:
+    """The program for a SINUMERIK 840D; raises InputRejected where its language has no words for it."""
+    if control.is_inch:
+        raise InputRejected("inch programs are not built yet", remedy="set the machine to metric (G71)")
+    texts = pass_texts(job, operation, tool_path, control)
+    page = _Page(job.post.numbers)
+    _head(page, job, operation, control, lift_mm)
+    for number, text in enumerate(texts, 1):
+        if text.blocks:
+            _pass(page, job, operation, number, text)
+    _tail(page, job, control)
+    data = "".join(f"{line}\n" for line in page.lines).encode("ascii")
+    return Written(
+        data=data,
+        blocks=page.blocks,
+        cutting_blocks=page.cutting_blocks,
+        cutting_bytes=page.cutting_bytes,
+        rounding_mm=max(text.rounding_mm for text in texts),
+        sidecar=_sidecar(job, operation, page, data, lift_mm),
+        warnings=_warnings(operation, tool_path, texts, control),
+    )
+
+
+def pass_texts(job: Job, operation: Operation, tool_path: ToolPath, control: ControlLimits) -> list[PassText]:
+    """The cutting blocks of every pass, in the way the job asks for."""
+    drop_z_mm = tool_path.radius_mm if job.post.reference == "tip" else 0.0
+    budget_mm = rounding_budget_mm(operation, tool_path)
+    most = _FINEST_DECIMALS if control.decimals is None else control.decimals
+    shapes = {type(one.shape) for one in tool_path.passes}
+    if shapes == {Polyline}:
+        return [linear_pass(one, drop_z_mm, budget_mm, most) for one in tool_path.passes]
+    if shapes == {PlaneSpline} and job.post.blocks in ("auto", "poly"):
+        return poly_passes(tool_path.passes, drop_z_mm, budget_mm, most)
+    raise InputRejected(
+        f'post.blocks "{job.post.blocks}" is not built yet for {job.post.control}', remedy='use "poly" or "linear"'
+    )
+
+
+def program_name(name: str) -> str:
+    """The name as the control files it: letters, digits, underscore, 24 at most; raises InputRejected."""
+    upper = name.upper()
+    if not re.fullmatch(r"[A-Z0-9_]+", upper) or len(upper) + len("_N_") > _LONGEST_NAME:
+        raise InputRejected(
+            f"post.name {name!r} is no SINUMERIK program name",
+            remedy=f"use at most {_LONGEST_NAME - 3} letters, digits and underscores",
+        )
+    return upper
+
+
+def _head(page: _Page, job: Job, operation: Operation, control: ControlLimits, lift_mm: float) -> None:
+    tool = job.tool_of(operation)
+    name = program_name(job.post.name)
+    page.comment(f"%_N_{name}_MPF")
+    page.comment(";$PATH=/_N_MPF_DIR")
+    page.comment(f";{_stamp(job, operation, lift_mm).text()}")
+    page.block("G17 G40 G64 G71 G90 G94")
+    page.block(f"TRANS Z{plain(lift_mm)}" if lift_mm else "TRANS")
+    page.block(job.setup.work_offset)
+    _retract(page, control)
+    if control.has_tool_changer:
+        page.block(f"T{tool.number} M6")
+    else:
+        page.block(f'MSG("TOOL {tool.number}: {tool.kind.upper()} D{tool.diameter_mm:g}")')
+        page.block(f"T{tool.number}")
+        page.block("M0")
+        page.block("MSG()")
+    page.block(f"D{tool.edge}")
+    page.block(f"G0 Z{plain(job.setup.safe_z_mm)}")
+    page.block(f"S{plain(operation.spindle_rpm)} M3")
+    if operation.spindle_dwell_s:
+        page.block(f"G4 F{plain(operation.spindle_dwell_s)}")
+    if operation.coolant != "off":
+        page.block({"flood": "M8", "mist": "M7"}[operation.coolant])
+
+
+def _pass(page: _Page, job: Job, operation: Operation, number: int, text: PassText) -> None:
+    clearance = f"Z{plain(job.setup.clearance_z_mm)}"
+    is_first = not page.restart_points
+    _restart_point(page, operation, number, text)
+    page.block(f"G0{text.start.word(0)}{text.start.word(1)}", starts_pass=True)
+    if is_first and job.setup.clearance_z_mm != job.setup.safe_z_mm:
+        page.block(clearance)
+    page.block(f"G1G9{text.start.word(2)}F{plain(operation.plunge_mm_min)}")
+    feed = f"F{plain(operation.cut_mm_min)}" if operation.cut_mm_min != operation.plunge_mm_min else ""
+    page.cut((text.blocks[0] + feed, *text.blocks[1:]))
+    page.block(f"G0{clearance}")
+
+
+def _tail(page: _Page, job: Job, control: ControlLimits) -> None:
+    if job.setup.safe_z_mm != job.setup.clearance_z_mm:
+        page.block(f"Z{plain(job.setup.safe_z_mm)}")
+    page.block("M9")
+    page.block("M5")
+    _retract(page, control)
+    page.block("M30")
+
+
+def _retract(page: _Page, control: ControlLimits) -> None:
+    if control.retract_z_mm is not None:
+        page.block(f"G0 SUPA Z{plain(control.retract_z_mm)} D0")
+
+
+def _stamp(job: Job, operation: Operation, lift_mm: float) -> Stamp:
+    tool = job.tool_of(operation)
+    return Stamp(
+        job.post.control, job.post.reference, tool.radius_mm, tool.number, tool.edge, operation.path_mm, lift_mm
+    )
+
+
+def _restart_point(page: _Page, operation: Operation, number: int, text: PassText) -> None:
+    page.restart_points.append(
+        {
+            "pass": number,
+            "block": page.number + 1 if page.numbers != "none" else None,
+            "line": len(page.lines) + 1,
+            "offset_bytes": page.length_bytes,
+            "position_mm": list(text.start.mm),
+            "feed_mm_min": operation.cut_mm_min,
+        }
+    )
+
+
+def _sidecar(job: Job, operation: Operation, page: _Page, data: bytes, lift_mm: float) -> dict[str, Any]:
+    tool = job.tool_of(operation)
+    return {
+        "schema": "dripmill.sidecar",
+        "version": 1,
+        "program": program_name(job.post.name),
+        "sha256": hashlib.sha256(data).hexdigest(),
+        "control": job.post.control,
+        "reference": job.post.reference,
+        "radius_mm": tool.radius_mm,
+        "path_mm": operation.path_mm,
+        "lift_mm": lift_mm,
+        "state": {
+            "modal": ["G17", "G40", "G64", "G71", "G90", "G94", job.setup.work_offset],
+            "tool": tool.number,
+            "edge": tool.edge,
+            "spindle_rpm": operation.spindle_rpm,
+            "spindle_dwell_s": operation.spindle_dwell_s,
+            "coolant": operation.coolant,
+            "plunge_mm_min": operation.plunge_mm_min,
+            "clearance_z_mm": job.setup.clearance_z_mm,
+            "safe_z_mm": job.setup.safe_z_mm,
+        },
+        "restart_points": page.restart_points,
+    }
+
+
+def _warnings(
+    operation: Operation, tool_path: ToolPath, texts: Sequence[PassText], control: ControlLimits
+) -> tuple[str, ...]:
+    found = []
+    for number, (one, text) in enumerate(zip(tool_path.passes, texts, strict=True), 1):
+        total_mm = one.deviation_mm + text.rounding_mm
+        if total_mm > operation.path_mm:
+            found.append(
+                f"pass {number} as written may lie {total_mm * 1000:.3g} um from the exact path, "
+                f"path_mm allows {operation.path_mm * 1000:g}: the control reads {control.decimals} decimals"
+            )
+            break
+    if operation.path_mm < 1.5 * control.resolution_mm:
+        found.append(
+            f"the control rounds positions to {control.resolution_mm * 1000:g} um, "
+            f"so path_mm = {operation.path_mm:g} holds for the program, not for the machine"
+        )
+    return tuple(found)
