@@ -1,0 +1,63 @@
+"""Where the probes stand: a net over each patch, no step longer than the pitch, with the area each probe speaks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.nominal import NominalPatch
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Net:
+    """Probes of one patch: u (n,), v (m,); points and normals (n, m, 3), mm; area_mm2 (n, m)."""
+
+    patch: NominalPatch
+    u: Floats
+    v: Floats
+    points: Floats
+    normals: Floats
+    area_mm2: Floats
+
+
+def net_of(patch: NominalPatch, pitch_mm: float) -> Net:
+    """The net of a patch: nodes so dense that no step along u or v is longer than `pitch_mm`, borders included."""
+    (u0, u1), (v0, v1) = patch.domain
+    coarse = _rectangle(np.linspace(u0, u1, 65), np.linspace(v0, v1, 65))
+    frames = patch.frames(coarse.reshape(-1, 2))
+    speed_u = np.linalg.norm(frames.along_u, axis=1).reshape(65, 65).max(axis=1)
+    speed_v = np.linalg.norm(frames.along_v, axis=1).reshape(65, 65).max(axis=0)
+    u, v = _nodes(u0, u1, speed_u, pitch_mm), _nodes(v0, v1, speed_v, pitch_mm)
+    fine = patch.frames(_rectangle(u, v).reshape(-1, 2))
+    shape = (len(u), len(v))
+    weights = np.outer(_widths(u), _widths(v))
+    return Net(
+        patch,
+        u,
+        v,
+        fine.points.reshape(*shape, 3),
+        fine.normals.reshape(*shape, 3),
+        fine.areas.reshape(shape) * weights,
+    )
+
+
+def _nodes(begin: float, end: float, speed: Floats, pitch_mm: float) -> Floats:
+    """Parameters at equal steps of the longest isoparametric curve's length, by the trapezoidal rule on its speed."""
+    at = np.linspace(begin, end, len(speed))
+    length = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(at))])
+    count = max(2, int(np.ceil(length[-1] / pitch_mm)) + 1)
+    return np.asarray(np.interp(np.linspace(0.0, length[-1], count), length, at))
+
+
+def _widths(nodes: Floats) -> Floats:
+    """The interval of the parameter that each node speaks for."""
+    steps = np.diff(nodes)
+    return np.asarray((np.concatenate([steps, [0.0]]) + np.concatenate([[0.0], steps])) / 2)
+
+
+def _rectangle(u: Floats, v: Floats) -> Floats:
+    return np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
