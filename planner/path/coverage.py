@@ -1,0 +1,173 @@
+"""What a set of passes leaves on a patch: the cusps of every gap, the heights along the border, where passes must run.
+
+Frame: passes in planes y = const, sorted. A surface point belongs to the gap in which its own ball centre lies. The
+surface is judged inside its border only; passes may run on beyond it, on the extended patch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.path.border import Border
+from planner.path.offset import OffsetPoints, OffsetSurface
+from planner.path.scallop import CuspGuess, Cusps, Held, Reaches, solve_cusps, solve_reaches
+from planner.path.seeds import Seeds
+from planner.path.trace import locate
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class BorderHeights:
+    """The border under the passes: `gap` (m,) counts the planes at or below each sample's centre.
+
+    `below`, `above` are the heights left by the two neighbouring passes, infinite where there is none; `best` (m,) is
+    the index of the pass that cuts lowest (-1: none), `x` (m,) where its ball stands then.
+    """
+
+    gap: Indices
+    below: Array
+    above: Array
+    best: Indices
+    x: Array
+    lower: Reaches
+    upper: Reaches
+
+
+@dataclass(frozen=True, slots=True)
+class GapCusps:
+    """Cusps of gaps: `gap` (k,) is the index of the lower pass of each, `cusps` the solved points."""
+
+    gap: Indices
+    cusps: Cusps
+
+
+def border_heights(surface: OffsetSurface, border: Border, planes_mm: Array) -> BorderHeights:
+    """Heights along the border left by the passes on either side, eq. (13)."""
+    y = border.points.centre[1]
+    gap = np.searchsorted(planes_mm, y)
+    lower, below = _reach(surface, border, planes_mm, gap - 1)
+    upper, above = _reach(surface, border, planes_mm, gap)
+    is_lower = below <= above
+    best = np.where(np.isfinite(np.minimum(below, above)), np.where(is_lower, gap - 1, gap), -1)
+    return BorderHeights(gap, below, above, best, np.where(is_lower, lower.x, upper.x), lower, upper)
+
+
+def border_cusps(surface: OffsetSurface, border: Border, heights: BorderHeights, planes_mm: Array) -> GapCusps:
+    """The points of the border that two neighbouring passes leave equally high: where cusp lines end, eq. (12)."""
+    here = np.arange(len(heights.gap))
+    there = border.after(here)
+    lead = np.nan_to_num(heights.below - heights.above, nan=0.0, posinf=np.inf, neginf=-np.inf)
+    is_end = (heights.gap == heights.gap[there]) & np.isfinite(lead) & np.isfinite(lead[there])
+    chosen = np.flatnonzero(is_end & ((lead > 0) != (lead[there] > 0)))
+    onward = there[chosen]
+    share = lead[chosen] / (lead[chosen] - lead[onward])
+    gap = heights.gap[chosen] - 1
+
+    def between(values: Array) -> Array:
+        return np.asarray(values[..., chosen] + share * (values[..., onward] - values[..., chosen]))
+
+    guess = CuspGuess(
+        between(border.parameters),
+        between(heights.below),
+        between(heights.lower.on_pass),
+        between(heights.upper.on_pass),
+    )
+    planes = planes_mm[gap], planes_mm[gap + 1]
+    return GapCusps(gap, solve_cusps(surface, planes, border.held[chosen], border.value[chosen], guess))
+
+
+def stretches(ends: GapCusps) -> tuple[Indices, Array, Array]:
+    """Where cusp lines run inside the border: gap (k,), and the x where each stretch begins and stops."""
+    order = np.lexsort((ends.cusps.x, ends.gap))
+    order = order[ends.cusps.is_found[order]]
+    gap, x = ends.gap[order], ends.cusps.x[order]
+    first = np.searchsorted(gap, gap)
+    rank = np.arange(len(gap)) - first
+    is_start = (rank % 2 == 0)[:-1] & (gap[1:] == gap[:-1])
+    at = np.flatnonzero(is_start)
+    return gap[at], x[at], x[at + 1]
+
+
+def inner_cusps(
+    surface: OffsetSurface,
+    seeds: Seeds,
+    planes_mm: Array,
+    gap: Indices,
+    x: Array,
+    height_mm: Array | float,
+    near: CuspGuess | None = None,
+) -> GapCusps:
+    """Cusps of these gaps at places x, started half-way between the passes or from `near`."""
+    planes = planes_mm[gap], planes_mm[gap + 1]
+    if near is None:
+        near = _middle_guess(surface, seeds, planes, x, height_mm)
+    held = np.full(len(x), Held.PLACE.value)
+    return GapCusps(gap, solve_cusps(surface, planes, held, x, near))
+
+
+def guess_from(cusps: Cusps) -> CuspGuess:
+    """Newton's start at cusps that were solved before."""
+    return CuspGuess(*(getattr(cusps, field.name) for field in fields(CuspGuess)))
+
+
+def crossings(surface: OffsetSurface, border: Border, planes_mm: Array) -> tuple[Indices, Array, Array]:
+    """Where the contact point of each pass crosses the border: pass (k,), x of the ball, parameters (2, k)."""
+    y = border.points.centre[1]
+    here = np.arange(len(y))
+    there = border.after(here)
+    low, high = np.minimum(y, y[there]), np.maximum(y, y[there])
+    first, last = np.searchsorted(planes_mm, low, side="right"), np.searchsorted(planes_mm, high, side="right")
+    stretch = np.repeat(here, last - first)
+    passes = np.repeat(first, last - first) + np.arange(len(stretch))
+    passes -= np.repeat(np.cumsum(last - first) - (last - first), last - first)
+    onward = there[stretch]
+    share = (planes_mm[passes] - y[stretch]) / (y[onward] - y[stretch])
+    start = border.parameters[:, stretch]
+    parameters = start + share * (border.parameters[:, onward] - start)
+    runs_u = (border.held[stretch] == Held.V.value).astype(np.float64)
+    for _ in range(8):
+        found = surface.evaluate(parameters[0], parameters[1])
+        climb = np.where(runs_u > 0, found.centre_u[1], found.centre_v[1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.nan_to_num((planes_mm[passes] - found.centre[1]) / climb)
+        parameters += np.stack([runs_u * step, (1 - runs_u) * step])
+    found = surface.evaluate(parameters[0], parameters[1])
+    return passes, found.centre[0], parameters
+
+
+def _reach(surface: OffsetSurface, border: Border, planes_mm: Array, passes: Indices) -> tuple[Reaches, Array]:
+    """Heights by the pass of each sample; infinite where there is no such pass or it cannot reach the sample."""
+    has_pass = (passes >= 0) & (passes < len(planes_mm))
+    chosen = np.flatnonzero(has_pass)
+    under = OffsetPoints(*(getattr(border.points, name)[:, chosen] for name in OffsetPoints.__slots__))
+    planes = planes_mm[passes[chosen]]
+    target = np.stack([under.centre[0], planes])
+    guess, _, is_near = locate(surface, target, border.parameters[:, chosen], residual_mm=0.01, steps=20)
+    found = solve_reaches(surface, under, planes, guess)
+    height = np.full(len(passes), np.inf)
+    height[chosen] = np.where(found.is_found & is_near, found.height_mm, np.inf)
+    full = Reaches(*(_scatter(getattr(found, field.name), chosen, len(passes)) for field in fields(Reaches)))
+    return full, height
+
+
+def _scatter(values: Array, chosen: Indices, count: int) -> Array:
+    spread = np.zeros((*values.shape[:-1], count), dtype=values.dtype)
+    spread[..., chosen] = values
+    return spread
+
+
+def _middle_guess(
+    surface: OffsetSurface, seeds: Seeds, planes: tuple[Array, Array], x: Array, height_mm: Array | float
+) -> CuspGuess:
+    """Starts from the ball centre half-way between the passes and the slopes of the surface there."""
+    middle = np.stack([x, (planes[0] + planes[1]) / 2])
+    foot, found, _ = locate(surface, middle, seeds.near(middle), residual_mm=1e-3, steps=20)
+    determinant = found.centre_u[0] * found.centre_v[1] - found.centre_u[1] * found.centre_v[0]
+    across = np.stack([-found.centre_v[0], found.centre_u[0]]) / determinant
+    half = (planes[1] - planes[0]) / 2
+    return CuspGuess(foot, np.broadcast_to(height_mm, x.shape).copy(), foot - half * across, foot + half * across)
