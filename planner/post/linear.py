@@ -2,37 +2,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
+from planner.gcode.words import decimal_text
 from planner.path.model import Array, Pass, Polyline
-from planner.post.numbers import to_units
-from planner.post.passtext import PassText, Point, moved_words
+from planner.post.digits import Digits, fewest_digits
+from planner.post.numbers import rounded_mm, to_units
+from planner.post.passtext import PassText, Point, is_constant, moved_words
+from planner.post.rounding import polyline_bound_mm
 from planner.post.spans import in_work
 
 
-def linear_pass(one: Pass, drop_z_mm: float, budget_mm: float, most_decimals: int) -> PassText:
-    """A polyline with the fewest decimals whose vertices move by at most `budget_mm`.
+def linear_passes(
+    passes: Sequence[Pass], drop_z_mm: float, budget_mm: float, fine: int, most_decimals: int
+) -> list[PassText]:
+    """Every polyline with the fewest decimals of X and Y, and of Z, that keep its path within `budget_mm`.
 
-    Between two vertices the error is linear, so the worst vertex bounds it. Vertices that fall together are dropped.
+    The ends of passes have `fine` decimals. Vertices that fall together are dropped.
     """
+    points = [in_work(one.plane, _shape(one).points, drop_z_mm) for one in passes]
+    still = [is_constant(one.plane) for one in passes]
+    start = np.full((len(passes), 2), min(fine + 1, most_decimals))
+
+    def bound_mm(digits: Digits) -> Array:
+        rounded = (
+            rounded_mm(vertices, _decimals(len(vertices), of_pass, is_still, fine))
+            for vertices, of_pass, is_still in zip(points, digits, still, strict=True)
+        )
+        return np.array([polyline_bound_mm(exact, near) for exact, near in zip(points, rounded, strict=True)])
+
+    digits, bounds = fewest_digits(start, np.array([1.0, 1.1]), bound_mm, budget_mm)
+    return [
+        _pass_text(vertices, _decimals(len(vertices), of_pass, is_still, fine), fine, float(bound))
+        for vertices, of_pass, is_still, bound in zip(points, digits, still, bounds, strict=True)
+    ]
+
+
+def _shape(one: Pass) -> Polyline:
     assert isinstance(one.shape, Polyline)
-    points = in_work(one.plane, one.shape.points, drop_z_mm)
-    for decimals in range(most_decimals + 1):
-        units = to_units(points, decimals)
-        error_mm = _worst(points, units, decimals)
-        if error_mm <= budget_mm:
-            break
-    rows = units.tolist()
-    kept = [rows[0], *(row for before, row in pairwise(rows) if row != before)]
-    blocks = tuple(moved_words(row, before, decimals) for before, row in pairwise(kept))
-    return PassText(_point(kept[0], decimals), _point(kept[-1], decimals), blocks, error_mm)
+    return one.shape
 
 
-def _worst(points: Array, units: np.ndarray, decimals: int) -> float:
-    return float(np.sqrt(((units / 10.0**decimals - points) ** 2).sum(axis=1).max()))
+def _decimals(count: int, of_pass: Digits, is_still: np.ndarray, fine: int) -> Digits:
+    decimals = np.tile(np.array([of_pass[0], of_pass[0], of_pass[1]]), (count, 1))
+    decimals[[0, -1]] = fine
+    decimals[:, is_still] = fine
+    return decimals
 
 
-def _point(row: list[int], decimals: int) -> Point:
-    return Point((row[0], row[1], row[2]), decimals)
+def _pass_text(points: Array, decimals: Digits, fine: int, bound_mm: float) -> PassText:
+    texts = [
+        [decimal_text(unit, place) for unit, place in zip(row, places, strict=True)]
+        for row, places in zip(to_units(points, decimals).tolist(), decimals.tolist(), strict=True)
+    ]
+    blocks = tuple(moved_words(texts, before) for before, texts in pairwise(texts) if texts != before)
+    return PassText(Point.of(points[0], fine), Point.of(points[-1], fine), blocks, bound_mm)

@@ -1,25 +1,16 @@
-"""Decimal numbers as a control reads them, in the fewest bytes; values are integers of the last digit."""
+"""Numbers of head and tail as text, and arrays rounded to decimals."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.gcode.words import decimal_text, rounded_units
+from planner.path.model import Array
 
-def decimal_text(units: int, decimals: int, *, point: bool = False) -> str:
-    """`units` x 10^-decimals without superfluous zeros; with `point`, whole numbers end in a decimal point.
-
-    >>> decimal_text(-1250, 3), decimal_text(500, 3), decimal_text(20000, 3), decimal_text(7, 0, point=True)
-    ('-1.25', '.5', '20', '7.')
-    """
-    sign, digits = ("-", str(-units)) if units < 0 else ("", str(units))
-    whole, part = digits, ""
-    if decimals > 0:
-        digits = digits.rjust(decimals + 1, "0")
-        whole, part = digits[:-decimals], digits[-decimals:].rstrip("0")
-    if part:
-        return f"{sign}{'' if whole == '0' else whole}.{part}"
-    return f"{sign}{whole}." if point else f"{sign}{whole}"
+Decimals = NDArray[np.int64] | int
 
 
 def plain(value: float, decimals: int = 4) -> str:
@@ -28,9 +19,24 @@ def plain(value: float, decimals: int = 4) -> str:
     >>> plain(250.0), plain(-0.5), plain(0.0)
     ('250', '-.5', '0')
     """
-    return decimal_text(round(value * 10**decimals), decimals)
+    return decimal_text(rounded_units(value, decimals), decimals)
 
 
-def to_units(values_mm: NDArray[np.float64], decimals: int) -> NDArray[np.int64]:
+def to_units(values_mm: Array, decimals: Decimals) -> NDArray[np.int64]:
     """Values of any shape, mm, as the nearest integers of 10^-decimals mm."""
-    return np.rint(values_mm * 10.0**decimals).astype(np.int64)
+    return np.asarray(np.rint(values_mm * 10.0**decimals), dtype=np.int64)
+
+
+def rounded_mm(values_mm: Array, decimals: Decimals) -> Array:
+    """Values of any shape, mm, as a control reads them when written with these decimals."""
+    scale = 10.0**decimals
+    return np.asarray(np.rint(values_mm * scale) / scale)
+
+
+def decimals_within(budget_mm: float) -> int:
+    """The fewest decimals at which a point (two rounded coordinates) moves by at most 0.75 of the budget.
+
+    >>> decimals_within(0.0001), decimals_within(0.001)
+    (4, 3)
+    """
+    return max(0, math.ceil(-math.log10(1.5 / math.sqrt(2.0) * budget_mm)))

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from planner.path.model import Array
-from planner.post.numbers import decimal_text
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.gcode.words import decimal_text
+from planner.path.model import Array, DrivingPlane
+from planner.post.numbers import to_units
 
 AXES = ("X", "Y", "Z")
+_STILL = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +22,12 @@ class Point:
     units: tuple[int, int, int]
     decimals: int
 
+    @classmethod
+    def of(cls, point_mm: Array, decimals: int) -> Point:
+        """The point (3,), mm, rounded to these decimals."""
+        x, y, z = to_units(point_mm, decimals).tolist()
+        return cls((x, y, z), decimals)
+
     @property
     def mm(self) -> tuple[float, float, float]:
         """The point as the control reads it, mm."""
@@ -24,9 +35,13 @@ class Point:
         x, y, z = (unit / scale for unit in self.units)
         return x, y, z
 
+    def text(self, axis: int) -> str:
+        """One coordinate, such as 12.5."""
+        return decimal_text(self.units[axis], self.decimals)
+
     def word(self, axis: int) -> str:
         """One coordinate as a word, such as X12.5."""
-        return AXES[axis] + decimal_text(self.units[axis], self.decimals)
+        return AXES[axis] + self.text(axis)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +54,15 @@ class PassText:
     rounding_mm: float
 
 
-def moved_words(units: Array | tuple[int, ...], before: Array | tuple[int, ...], decimals: int) -> str:
+def is_constant(plane: DrivingPlane) -> NDArray[np.bool_]:
+    """Which of X, Y, Z stand still in this driving plane, shape (3,)."""
+    return np.append(np.abs(plane.direction[:2]) < _STILL, False)
+
+
+def moved_words(texts: list[str], before: list[str]) -> str:
     """The words of the coordinates that change, without blanks.
 
-    >>> moved_words((1500, 2, 0), (1500, 0, 0), 3)
+    >>> moved_words(["1.5", ".002", "0"], ["1.5", "0", "0"])
     'Y.002'
     """
-    return "".join(
-        AXES[axis] + decimal_text(int(units[axis]), decimals)
-        for axis in range(3)
-        if int(units[axis]) != int(before[axis])
-    )
+    return "".join(AXES[axis] + texts[axis] for axis in range(3) if texts[axis] != before[axis])

@@ -1,8 +1,8 @@
 """Cubic spans as POLY blocks: PO[axis]=(end, square, cube), p from 0 to 1, the linear coefficient left to the control.
 
-Digits are chosen a pass at a time: the fewest whose error curve, bounded along every span, stays in the budget. What
-rounding the cube leaves is taken back by the square where the two nearly coincide: p^3 - p = 1.5 (p^2 - p) + a
-remainder below 0.049.
+Digits are chosen a pass at a time: the fewest whose path, bounded along every span, stays in the budget. What rounding
+the cube leaves is taken back by the square where the two nearly coincide: p^3 - p = 1.5 (p^2 - p) + a remainder below
+0.049.
 """
 
 from __future__ import annotations
@@ -13,126 +13,137 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.gcode.words import decimal_text
 from planner.path.model import Array, Pass, PlaneSpline
-from planner.post.numbers import decimal_text, to_units
-from planner.post.passtext import AXES, PassText, Point
-from planner.post.rounding import curve_bound_mm, poly_error
-from planner.post.spans import bezier_points, in_work, power_form, raised_to_cubic
+from planner.post.digits import Digits, fewest_digits
+from planner.post.numbers import rounded_mm, to_units
+from planner.post.passtext import AXES, PassText, Point, is_constant
+from planner.post.rounding import SpanChain, path_bound_mm, poly_power
+from planner.post.spans import bezier_points, in_work, knot_lengths, power_form, raised_to_cubic
 
-Units = NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True)
-class Digits:
-    """Decimals of end points, of square and of cube coefficients."""
-
-    end: int
-    square: int
-    cube: int
+_COEFFICIENT_MARGIN = 2
+# columns of the search: end, square, cube of X and Y, then of Z
+_END, _SQUARE, _CUBE, _OF_Z = 0, 1, 2, 3
 
 
 @dataclass(frozen=True, slots=True)
-class Spans:
-    """The spans of all passes one after another: `power` (m, 4, 3) mm, `end_mm` (m, 3), `owner` (m,) pass numbers.
+class _Chain:
+    """All passes' spans: the exact curves, their owners (m,), axes that a pass does not move (m, 3)."""
 
-    `is_first` (m,) marks the first span of each pass.
-    """
-
-    power: Array
+    exact: SpanChain
     end_mm: Array
     owner: NDArray[np.int64]
-    is_first: NDArray[np.bool_]
-
-
-def poly_passes(passes: Sequence[Pass], drop_z_mm: float, budget_mm: float, most_decimals: int) -> list[PassText]:
-    """Every pass as POLY blocks, each with the cheapest digits that keep its error curve within `budget_mm`."""
-    spans = _spans_of(passes, drop_z_mm)
-    starts = np.flatnonzero(spans.is_first)
-    texts: dict[int, PassText] = {}
-    waiting = np.ones(len(passes), dtype=bool)
-    candidates = _candidates(most_decimals)
-    for digits in candidates:
-        rounded = round_spans(spans, digits)
-        worst_mm = np.maximum.reduceat(rounded.bound_mm, starts)
-        is_last_chance = digits is candidates[-1]
-        for number in np.flatnonzero(waiting & ((worst_mm <= budget_mm) | is_last_chance)):
-            chosen = slice(starts[number], starts[number + 1] if number + 1 < len(starts) else None)
-            texts[int(number)] = _pass_text(rounded, chosen, digits, float(worst_mm[number]))
-            waiting[number] = False
-        if not waiting.any():
-            break
-    return [texts[number] for number in range(len(passes))]
+    starts: NDArray[np.int64]
+    is_still: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Rounded:
-    """Spans with their numbers rounded: units of the last digit (m, 3), and the bound of each error curve (m,), mm."""
+class _Numbers:
+    """What the blocks say, (m, 3) each, mm, with their decimals (m, 3)."""
 
-    start: Units
-    end: Units
-    square: Units
-    cube: Units
-    bound_mm: Array
-
-
-def round_spans(spans: Spans, digits: Digits) -> Rounded:
-    """All numbers of all spans at these digits, and how far each written span may lie from its span."""
-    begin, square_mm, cube_mm = spans.power[:, 0], spans.power[:, 2], spans.power[:, 3]
-    end = to_units(spans.end_mm, digits.end)
-    end_error = end / 10.0**digits.end - spans.end_mm
-    start = np.where(spans.is_first[:, None], to_units(begin, digits.end), np.roll(end, 1, axis=0))
-    start_error = start / 10.0**digits.end - begin
-    cube = to_units(cube_mm, digits.cube)
-    cube_error = cube / 10.0**digits.cube - cube_mm
-    square = to_units(square_mm - 1.5 * cube_error, digits.square)
-    square_error = square / 10.0**digits.square - square_mm
-    bound_mm = curve_bound_mm(poly_error(start_error, end_error, square_error, cube_error))
-    return Rounded(start, end, square, cube, bound_mm)
+    start: Array
+    end: Array
+    square: Array
+    cube: Array
+    end_decimals: Digits
+    square_decimals: Digits
+    cube_decimals: Digits
 
 
-def _spans_of(passes: Sequence[Pass], drop_z_mm: float) -> Spans:
-    pieces, owners, firsts = [], [], []
-    for number, one in enumerate(passes):
+def poly_passes(
+    passes: Sequence[Pass], drop_z_mm: float, budget_mm: float, fine: int, most_decimals: int
+) -> list[PassText]:
+    """Every pass as POLY blocks with the fewest digits that keep its path within `budget_mm`.
+
+    `fine` are the decimals of the ends of passes and of axes that stand still; `most_decimals` what the control reads.
+    """
+    chain = _chain_of(passes, drop_z_mm)
+    uses = np.tile(np.array([1.0, 1.0, 1.0]), 2) + np.array([0.0, 0.2, 0.1, 0.0, 0.2, 0.1])
+    start = np.full((len(passes), 6), min(fine + _COEFFICIENT_MARGIN, most_decimals))
+
+    def bound_mm(digits: Digits) -> Array:
+        numbers = _numbers(chain, digits, fine)
+        written = poly_power(numbers.start, numbers.end, numbers.square, numbers.cube)
+        return np.maximum.reduceat(path_bound_mm(chain.exact, written), chain.starts)
+
+    digits, bounds = fewest_digits(start, uses, bound_mm, budget_mm)
+    numbers = _numbers(chain, digits, fine)
+    stops = [*chain.starts[1:].tolist(), len(chain.owner)]
+    return [
+        _pass_text(numbers, slice(int(begin), stop), fine, float(bound))
+        for begin, stop, bound in zip(chain.starts, stops, bounds, strict=True)
+    ]
+
+
+def _chain_of(passes: Sequence[Pass], drop_z_mm: float) -> _Chain:
+    pieces, counts, lengths, still = [], [], [], []
+    for one in passes:
         assert isinstance(one.shape, PlaneSpline)
         bezier = raised_to_cubic(bezier_points(one.shape))
         pieces.append(in_work(one.plane, bezier, drop_z_mm))
-        owners.append(np.full(len(bezier), number))
-        firsts.append(np.arange(len(bezier)) == 0)
+        lengths.append(knot_lengths(one.shape))
+        counts.append(len(bezier))
+        still.append(np.tile(is_constant(one.plane), (len(bezier), 1)))
     work = np.concatenate(pieces)
-    return Spans(power_form(work), work[:, 3], np.concatenate(owners), np.concatenate(firsts))
+    ends = np.cumsum(counts)
+    starts = np.asarray(ends - counts, dtype=np.int64)
+    is_first, is_last = np.zeros((2, len(work)), dtype=bool)
+    is_first[starts] = True
+    is_last[ends - 1] = True
+    exact = SpanChain(power_form(work), np.concatenate(lengths), is_first, is_last)
+    return _Chain(exact, work[:, 3], np.repeat(np.arange(len(passes)), counts), starts, np.concatenate(still))
 
 
-def _candidates(most_decimals: int) -> list[Digits]:
-    """Digits from the fewest bytes to the most; the last is the finest the control reads."""
-    every = [
-        Digits(end, square, cube)
-        for end in range(most_decimals + 1)
-        for square in range(max(end - 2, 0), min(end + 1, most_decimals) + 1)
-        for cube in range(max(end - 2, 0), min(end + 1, most_decimals) + 1)
+def _numbers(chain: _Chain, digits: Digits, fine: int) -> _Numbers:
+    """All numbers of all passes, rounded to these digits (passes, 6)."""
+    of_span = digits[chain.owner]
+    power = chain.exact.power
+    keeps_fine = chain.exact.is_last[:, None] | chain.is_still
+    end_decimals = np.where(keeps_fine, fine, _by_axis(of_span, _END))
+    end = rounded_mm(chain.end_mm, end_decimals)
+    start = np.where(chain.exact.is_first[:, None], rounded_mm(power[:, 0], fine), np.roll(end, 1, axis=0))
+    cube_decimals, square_decimals = _by_axis(of_span, _CUBE), _by_axis(of_span, _SQUARE)
+    cube = rounded_mm(power[:, 3], cube_decimals)
+    square = rounded_mm(power[:, 2] - 1.5 * (cube - power[:, 3]), square_decimals)
+    return _Numbers(start, end, square, cube, end_decimals, square_decimals, cube_decimals)
+
+
+def _by_axis(of_span: Digits, kind: int) -> Digits:
+    return np.stack([of_span[:, kind], of_span[:, kind], of_span[:, kind + _OF_Z]], axis=1)
+
+
+def _pass_text(numbers: _Numbers, chosen: slice, fine: int, bound_mm: float) -> PassText:
+    first = Point.of(numbers.start[chosen][0], fine)
+    last = Point.of(numbers.end[chosen][-1], fine)
+    before = [first.text(axis) for axis in range(3)]
+    parts = [
+        _texts(values[chosen], decimals[chosen])
+        for values, decimals in (
+            (numbers.end, numbers.end_decimals),
+            (numbers.square, numbers.square_decimals),
+            (numbers.cube, numbers.cube_decimals),
+        )
     ]
-    every.sort(key=lambda digits: (digits.end + digits.square + digits.cube, digits.end))
-    return every
-
-
-def _pass_text(rounded: Rounded, chosen: slice, digits: Digits, bound_mm: float) -> PassText:
-    before = rounded.start[chosen][0].tolist()
-    first = Point((before[0], before[1], before[2]), digits.end)
     blocks = []
-    rows = zip(*(units[chosen].tolist() for units in (rounded.end, rounded.square, rounded.cube)), strict=True)
-    for end, square, cube in rows:
-        words = "".join(_axis_word(axis, end, before, square, cube, digits) for axis in range(3))
+    for end, square, cube in zip(*parts, strict=True):
+        words = "".join(_axis_word(axis, end[axis], before[axis], square[axis], cube[axis]) for axis in range(3))
         if words:
             blocks.append(words)
         before = end
     blocks[:1] = [f"POLY {block}" for block in blocks[:1]]
-    return PassText(first, Point((before[0], before[1], before[2]), digits.end), tuple(blocks), bound_mm)
+    return PassText(first, last, tuple(blocks), bound_mm)
 
 
-def _axis_word(axis: int, end: list[int], before: list[int], square: list[int], cube: list[int], digits: Digits) -> str:
+def _texts(values_mm: Array, decimals: Digits) -> list[list[str]]:
+    units, places = to_units(values_mm, decimals).tolist(), decimals.tolist()
+    return [
+        [decimal_text(unit, place) for unit, place in zip(row, row_places, strict=True)]
+        for row, row_places in zip(units, places, strict=True)
+    ]
+
+
+def _axis_word(axis: int, end: str, before: str, square: str, cube: str) -> str:
     name = AXES[axis]
-    if square[axis] == 0 and cube[axis] == 0:
-        return "" if end[axis] == before[axis] else name + decimal_text(end[axis], digits.end)
-    numbers = [decimal_text(end[axis], digits.end), decimal_text(square[axis], digits.square)]
-    if cube[axis] != 0:
-        numbers.append(decimal_text(cube[axis], digits.cube))
-    return f"PO[{name}]=({','.join(numbers)})"
+    if square == "0" and cube == "0":
+        return "" if end == before else name + end
+    return f"PO[{name}]=({end},{square})" if cube == "0" else f"PO[{name}]=({end},{square},{cube})"

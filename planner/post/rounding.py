@@ -1,47 +1,135 @@
-"""How far rounded numbers move a written curve: bounds that hold everywhere along a span, not only at its ends."""
+"""How far rounded numbers move a written path: bounds that hold everywhere along it, not only at the ends of spans.
+
+A point of the written curve is compared with the exact curve a little further on where rounding only slid it along:
+that slide is no deviation of the path. At the two ends of a pass nothing may slide.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import comb
+
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.path.model import Array
 
 _PIECES = 4
+_POWERS = np.arange(4)
+_NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
 
 
-def _bezier_of_pieces() -> Array:
-    """Matrix (16, 4) from power coefficients on [0, 1] to the Bezier points of four equal pieces."""
+def _bezier_of_pieces(degree: int) -> Array:
+    """Matrix (4 (degree + 1), degree + 1) from power coefficients on [0, 1] to Bezier points of four equal pieces."""
+    order = range(degree + 1)
+    to_bezier = np.array([[comb(j, k) / comb(degree, k) for k in order] for j in order])
     rows = []
     for piece in range(_PIECES):
         start, width = piece / _PIECES, 1.0 / _PIECES
-        # f(start + width q) = sum c_k q^k, then cubic Bezier points of that polynomial in q
-        shift = np.zeros((4, 4))
-        for power in range(4):
-            for inner in range(power + 1):
-                binomial = [[1, 0, 0, 0], [1, 1, 0, 0], [1, 2, 1, 0], [1, 3, 3, 1]][power][inner]
-                shift[inner, power] = binomial * start ** (power - inner) * width**inner
-        to_bezier = np.array([[1, 0, 0, 0], [1, 1 / 3, 0, 0], [1, 2 / 3, 1 / 3, 0], [1, 1, 1, 1]])
+        shift = np.array([[comb(k, j) * start ** max(k - j, 0) * width**j for k in order] for j in order])
         rows.append(to_bezier @ shift)
     return np.concatenate(rows)
 
 
-_TO_BEZIER = _bezier_of_pieces()
+_TO_BEZIER = {degree: _bezier_of_pieces(degree) for degree in (3, 5)}
+_VALUES = _NODES[:, None] ** _POWERS
+_INTERPOLATE = np.linalg.inv(_VALUES)
 
 
 def curve_bound_mm(coefficients: Array) -> Array:
-    """Upper bound of |e(p)|, p in [0, 1], for each cubic error curve e given by (m, 4, 3) coefficients of p^k, in mm.
+    """Upper bound (m,) of |e(p)|, p in [0, 1], for error curves e of degree 3 or 5, (m, degree + 1, axes), in mm.
 
-    The curve lies in the convex hull of its Bezier points, here those of four equal pieces.
+    A curve lies in the convex hull of its Bezier points, here those of four equal pieces.
     """
-    hull = np.einsum("bk,mkd->mbd", _TO_BEZIER, coefficients)
+    hull = np.einsum("bk,mkd->mbd", _TO_BEZIER[coefficients.shape[1] - 1], coefficients)
     return np.asarray(np.sqrt((hull**2).sum(axis=2).max(axis=1)))
 
 
-def poly_error(start_error: Array, end_error: Array, square_error: Array, cube_error: Array) -> Array:
-    """Coefficients (m, 4, 3) of the error curve of POLY spans, from the errors (m, 3) of the numbers written.
+@dataclass(frozen=True, slots=True)
+class SpanChain:
+    """The exact spans of one or more passes: `power` (m, 4, 3) coefficients of p^k on [0, 1], mm.
 
-    The control computes the linear coefficient from both ends, so it absorbs what the others leave:
-    e(p) = e0 (1 - p) + e1 p + d2 (p^2 - p) + d3 (p^3 - p).
+    `lengths` (m,) are the knot spans, `is_first` and `is_last` (m,) mark the ends of passes.
     """
-    linear = end_error - start_error - square_error - cube_error
-    return np.stack([start_error, linear, square_error, cube_error], axis=1)
+
+    power: Array
+    lengths: Array
+    is_first: NDArray[np.bool_]
+    is_last: NDArray[np.bool_]
+
+
+def path_bound_mm(exact: SpanChain, written: Array) -> Array:
+    """Upper bound (m,) of the distance between each written span (m, 4, 3) and the exact curve, both ways, mm.
+
+    W(p) = C(p) + e(p) is compared with C(p + s(p)); the slide s is the cubic through e . C1 / |C1|^2 at four parameters
+    (C1, C2, C3: derivatives), 0 at the ends of a pass and equal on both sides of a joint, so the match covers the whole
+    curve. By Taylor, |W - C(p + s)| <= |e - C1 s| + max |C2| s^2 / 2 + |C3| |s|^3 / 6, the first term bounded by its
+    hull; where the match runs over the end of a span, the difference of the two polynomials there is added.
+    """
+    error = written - exact.power
+    slope = (exact.power * _POWERS[None, :, None])[:, 1:]
+    slide = _slide(error, slope, exact)
+    across = np.zeros((len(error), 6, error.shape[2]))
+    across[:, :4] = error
+    for power in range(3):
+        across[:, power : power + 4] -= slope[:, power, None, :] * slide[:, :, None]
+    reach = curve_bound_mm(slide[:, :, None])
+    second, third = 2.0 * exact.power[:, 2], 6.0 * exact.power[:, 3]
+    bend = np.maximum(np.linalg.norm(second, axis=1), np.linalg.norm(second + third, axis=1))
+    remainder = bend * reach**2 / 2.0 + np.linalg.norm(third, axis=1) * reach**3 / 6.0
+    return np.asarray(curve_bound_mm(across) + remainder + _overrun_mm(exact, reach))
+
+
+def _slide(error: Array, slope: Array, exact: SpanChain) -> Array:
+    """Coefficients (m, 4) of the slide along each span."""
+    errors = np.einsum("nk,mkd->mnd", _VALUES, error)
+    tangents = np.einsum("nk,mkd->mnd", _VALUES[:, :3], slope)
+    square = (tangents**2).sum(axis=2)
+    along = (errors * tangents).sum(axis=2)
+    slides = np.where(square > 0.0, along / np.where(square > 0.0, square, 1.0), 0.0)
+    slides[exact.is_first, 0] = 0.0
+    slides[exact.is_last, -1] = 0.0
+    return np.asarray(slides @ _INTERPOLATE.T)
+
+
+def _overrun_mm(exact: SpanChain, reach: Array) -> Array:
+    """How far a span's polynomial and its neighbours' differ within `reach` (m,) beyond the span: sum |D_k| reach^k."""
+    before = np.roll(exact.power, 1, axis=0)
+    ratio = exact.lengths / np.roll(exact.lengths, 1)
+    at_end = np.stack([_taylor_at_end(before, order) for order in range(4)], axis=1)
+    jump = exact.power - at_end * ratio[:, None, None] ** _POWERS[None, :, None]
+    widest = np.maximum(reach, np.roll(reach, 1) / ratio)
+    total = (np.linalg.norm(jump, axis=2)[:, 1:] * widest[:, None] ** _POWERS[None, 1:]).sum(axis=1)
+    total = np.where(exact.is_first, 0.0, total)
+    return np.maximum(total, np.where(exact.is_last, 0.0, np.roll(total, -1)))
+
+
+def _taylor_at_end(power: Array, order: int) -> Array:
+    """Coefficient `order` of f(1 + q), for coefficients (m, 4, d) of f."""
+    terms = [comb(k, order) * power[:, k] for k in range(order, 4)]
+    return np.asarray(np.sum(terms, axis=0))
+
+
+def poly_power(start: Array, end: Array, square: Array, cube: Array) -> Array:
+    """Coefficients (m, 4, 3) of POLY spans from what the blocks say, all (m, 3): the control finds the linear one."""
+    return np.stack([start, end - start - square - cube, square, cube], axis=1)
+
+
+def polyline_bound_mm(exact: Array, written: Array) -> float:
+    """Upper bound of the distance between two polylines with vertices (n, 3) in pairs, mm; ends may not slide.
+
+    Along a segment the offset across it is linear, so its ends bound it; where a vertex slid past its corner, the slide
+    times the sine of the corner's angle is added.
+    """
+    error = written - exact
+    legs = np.diff(exact, axis=0)
+    lengths = np.sqrt((legs**2).sum(axis=1))[:, None]
+    units = legs / np.where(lengths == 0.0, 1.0, lengths)
+    along_before, along_after = (error[1:] * units).sum(axis=1), (error[:-1] * units).sum(axis=1)
+    across_before = np.linalg.norm(error[1:] - along_before[:, None] * units, axis=1)
+    across_after = np.linalg.norm(error[:-1] - along_after[:, None] * units, axis=1)
+    sine = np.linalg.norm(np.cross(units[:-1], units[1:]), axis=1)
+    slide = np.maximum(np.abs(along_before[:-1]), np.abs(along_after[1:]))
+    inner = np.maximum(across_before[:-1], across_after[1:]) + slide * sine
+    ends = np.linalg.norm(error[[0, -1]], axis=1)
+    return float(max(inner.max(initial=0.0), ends.max()))

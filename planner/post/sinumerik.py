@@ -17,8 +17,8 @@ from planner.errors import InputRejected
 from planner.job import Job, Operation
 from planner.path.model import PlaneSpline, Polyline, ToolPath
 from planner.post.base import ControlLimits, Written, rounding_budget_mm
-from planner.post.linear import linear_pass
-from planner.post.numbers import plain
+from planner.post.linear import linear_passes
+from planner.post.numbers import decimals_within, plain
 from planner.post.passtext import PassText
 from planner.post.poly import poly_passes
 from planner.post.stamp import Stamp
@@ -93,10 +93,11 @@ def pass_texts(job: Job, operation: Operation, tool_path: ToolPath, control: Con
     budget_mm = rounding_budget_mm(operation, tool_path)
     most = _FINEST_DECIMALS if control.decimals is None else control.decimals
     shapes = {type(one.shape) for one in tool_path.passes}
+    fine = min(decimals_within(budget_mm), most)
     if shapes == {Polyline}:
-        return [linear_pass(one, drop_z_mm, budget_mm, most) for one in tool_path.passes]
+        return linear_passes(tool_path.passes, drop_z_mm, budget_mm, fine, most)
     if shapes == {PlaneSpline} and job.post.blocks in ("auto", "poly"):
-        return poly_passes(tool_path.passes, drop_z_mm, budget_mm, most)
+        return poly_passes(tool_path.passes, drop_z_mm, budget_mm, fine, most)
     raise InputRejected(
         f'post.blocks "{job.post.blocks}" is not built yet for {job.post.control}', remedy='use "poly" or "linear"'
     )

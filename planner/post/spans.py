@@ -32,6 +32,12 @@ def _blossom(spline: PlaneSpline, spans: np.ndarray, ends: Array, at_end: int) -
     return np.asarray(points[:, 0])
 
 
+def knot_lengths(spline: PlaneSpline) -> Array:
+    """Lengths of the knot spans that are not empty, shape (spans,)."""
+    lengths = np.diff(spline.knots[spline.degree : len(spline.control_points) + 1])
+    return np.asarray(lengths[lengths > 0.0])
+
+
 def power_form(bezier: Array) -> Array:
     """Cubic Bezier points (m, 4, d) as coefficients (m, 4, d) of p^0 .. p^3 on [0, 1]."""
     b0, b1, b2, b3 = (bezier[:, j] for j in range(4))

@@ -7,7 +7,7 @@ from decimal import Decimal
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.post.numbers import decimal_text
+from planner.gcode.words import decimal_text
 
 
 @given(st.integers(-(10**12), 10**12), st.integers(0, 9))
@@ -21,4 +21,4 @@ def test_text_is_exact_and_bare(units: int, decimals: int) -> None:
 
 @given(st.integers(-(10**6), 10**6), st.integers(0, 4))
 def test_point_forced(units: int, decimals: int) -> None:
-    assert "." in decimal_text(units, decimals, point=True)
+    assert "." in decimal_text(units, decimals, keeps_point=True)
