@@ -1,0 +1,203 @@
+"""The chain of `dnc demo`: every step is a command a user could type, in a process of its own.
+
+So the mill sees nothing but bytes and the surface file, and the demo cannot know more than a user would.
+"""
+
+from __future__ import annotations
+
+import json
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dnc.errors import ExitCode, UserError
+
+Report = dict[str, Any]
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What the demo runs: job and machine, the main run's time scale, and the length of the window at true speed."""
+
+    job: Path
+    machine: str
+    speed: float
+    window_s: float
+
+
+class StepFailed(UserError):
+    """A step of the chain failed; carries the step's own sentence and exit code."""
+
+    def __init__(self, step: str, code: int, sentence: str) -> None:
+        self.exit_code = ExitCode(code) if code in list(ExitCode) else ExitCode.INTERNAL
+        super().__init__(f"{step} failed with code {code}: {sentence}")
+
+
+def run_chain(folder: Path, settings: Settings, say: Say) -> Report:
+    """Plan, check, window at true speed, feed through the virtual mill, measure; writes and returns `report.json`.
+
+    Raises StepFailed with the sentence of the step that failed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    program = folder / "part.mpf"
+    say("plan     the reference part")
+    plan = _plan(folder, program, settings)
+    say("check    the tape, block by block")
+    check = json.loads(_dnc("check", program, "--machine", settings.machine, "--json"))
+    say(f"window   {settings.window_s:g} s of the line at its true speed")
+    window = _window(folder, program, settings)
+    say(f"feed     through a pseudo-terminal to the mill, {settings.speed:g} times as fast as life")
+    send, mill = _feed(folder, program, settings)
+    say("measure  what the mill was left with")
+    simulate = _simulate(folder, program, settings)
+    report = {
+        "schema": "dripmill.demo",
+        "version": 1,
+        "simulated": True,
+        "plan": plan,
+        "check": check,
+        "window": window,
+        "send": send,
+        "mill": mill,
+        "simulate": simulate,
+    }
+    _write_json(folder / "report.json", report)
+    return report
+
+
+def _plan(folder: Path, program: Path, settings: Settings) -> Report:
+    report = folder / "plan.json"
+    _dnc(
+        *("plan", settings.job, "-o", program, "--machine", settings.machine),
+        *("--report", report, "--plot", folder / "paths.png"),
+    )
+    return _read_json(report)
+
+
+def _window(folder: Path, program: Path, settings: Settings) -> Report:
+    """Line figures at true speed: the same tape, stopped by the operator's SIGINT when the window is over."""
+    send_report, mill_report = folder / "window-send.json", folder / "window-mill.json"
+    with _mill(settings.machine, 1.0, "--report", mill_report) as ready:
+        sender = _start("send", program, *_port(settings, ready), "--report", send_report)
+        _wait_or_interrupt(sender, settings.window_s)
+    return {"send": _read_json(send_report), "mill": _read_json(mill_report)}
+
+
+def _feed(folder: Path, program: Path, settings: Settings) -> tuple[Report, Report]:
+    send_report, mill_report = folder / "send.json", folder / "mill.json"
+    options = ("--nominal", settings.job, "--motion", folder / "motion.csv", "--report", mill_report)
+    with _mill(settings.machine, settings.speed, *options) as ready:
+        sender = _start("send", program, *_port(settings, ready), "--report", send_report)
+        _finish("send", sender)
+        _finish("mill", ready.process)
+    return _read_json(send_report), _read_json(mill_report)
+
+
+def _simulate(folder: Path, program: Path, settings: Settings) -> Report:
+    report = folder / "simulate.json"
+    _dnc(
+        *("simulate", program, "--machine", settings.machine, "--job", settings.job),
+        *("--report", report, "--plot", folder / "deviation.png"),
+    )
+    return _read_json(report)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ready:
+    """A mill that has said where it listens."""
+
+    process: subprocess.Popen[str]
+    pty: str
+    effective_baud: int
+
+
+@contextmanager
+def _mill(machine: str, speed: float, *options: str | Path) -> Iterator[_Ready]:
+    process = _start("mill", "--machine", machine, "--speed", f"{speed:g}", *options, stdout=subprocess.PIPE)
+    try:
+        said = json.loads(_first_line(process, timeout_s=30.0))
+        yield _Ready(process, said["pty"], int(said["effective_baud"]))
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+        process.wait(timeout=30.0)
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+def _port(settings: Settings, ready: _Ready) -> tuple[str, ...]:
+    return ("--port", ready.pty, "--machine", settings.machine, "--baud", str(ready.effective_baud))
+
+
+def _first_line(process: subprocess.Popen[str], timeout_s: float) -> str:
+    assert process.stdout is not None
+    readable, _, _ = select.select([process.stdout], [], [], timeout_s)
+    line = process.stdout.readline() if readable else ""
+    if not line:
+        raise StepFailed("mill", process.poll() or int(ExitCode.INTERNAL), "it never said that it is ready")
+    return line
+
+
+def _wait_or_interrupt(process: subprocess.Popen[str], time_s: float) -> None:
+    try:
+        process.wait(timeout=time_s)
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGINT)
+        process.wait(timeout=30.0)
+    if process.returncode not in (ExitCode.OK, ExitCode.ABORTED):
+        raise StepFailed("send", process.returncode, "the line window did not end as asked")
+
+
+def _finish(step: str, process: subprocess.Popen[str], timeout_s: float = 600.0) -> None:
+    try:
+        code = process.wait(timeout=timeout_s)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        raise StepFailed(step, int(ExitCode.INTERNAL), f"not finished after {timeout_s:g} s") from None
+    if code != 0:
+        raise StepFailed(step, code, "see the message above")
+
+
+def _start(*arguments: str | Path | float, stdout: int | None = None) -> subprocess.Popen[str]:
+    return subprocess.Popen(_command(arguments), stdout=stdout, text=True, stdin=subprocess.DEVNULL)
+
+
+def _dnc(*arguments: str | Path) -> str:
+    done = subprocess.run(_command(arguments), capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
+    if done.returncode != 0:
+        raise StepFailed(str(arguments[0]), done.returncode, done.stderr.strip().removeprefix("dnc: "))
+    return done.stdout
+
+
+def _command(arguments: tuple[str | Path | float, ...]) -> list[str]:
+    return [sys.executable, "-m", "dnc", *(str(argument) for argument in arguments)]
+
+
+def _read_json(path: Path) -> Report:
+    report = json.loads(path.read_text())
+    assert isinstance(report, dict)
+    return report
+
+
+def _write_json(path: Path, report: Report) -> None:
+    unfinished = path.with_suffix(".tmp")
+    unfinished.write_text(json.dumps(report, indent=1) + "\n")
+    unfinished.replace(path)
+
+
+def elapsed(say: Say) -> Say:
+    """The same voice, with the seconds since now in front of every line."""
+    begin_s = time.monotonic()
+
+    def said(text: str) -> None:
+        say(f"{time.monotonic() - begin_s:6.1f} s  {text}")
+
+    return said

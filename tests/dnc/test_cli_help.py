@@ -1,0 +1,31 @@
+"""Every command explains itself with an example, without loading the heavy libraries (interface, section 1)."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from dnc.cli.main import program
+
+COMMANDS = program.list_commands(click.Context(program))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_has_an_example(name: str) -> None:
+    result = CliRunner().invoke(program, [name, "--help"])
+    assert result.exit_code == 0
+    assert f"dnc {name}" in result.output.split("Example", 1)[-1]
+
+
+def test_help_loads_nothing_heavy() -> None:
+    script = (
+        "import sys\nfrom click.testing import CliRunner\nfrom dnc.cli.main import program\n"
+        f"for name in {COMMANDS!r}:\n    CliRunner().invoke(program, [name, '--help'])\n"
+        "print(sorted({'numpy', 'scipy', 'textual', 'matplotlib', 'pymodbus', 'numba'} & set(sys.modules)))\n"
+    )
+    shown = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout
+    assert shown.strip() == "[]"
