@@ -1,6 +1,7 @@
-"""Uniform square bins in plan: which pieces of the sweep can reach a place.
+"""Strands and bins: which pieces of the sweep can reach a place.
 
-A piece is listed in every cell that comes within `reach_mm` (the tool's radius and a margin) of its chord in plan.
+Consecutive pieces that stay near one chord make a strand; a strand is listed in every square cell of the plan that
+comes within `reach_mm` (the tool's radius and a margin) of it.
 """
 
 from __future__ import annotations
@@ -28,10 +29,55 @@ class Bins:
     items: NDArray[np.int32]
 
 
-def bins_of(sweep: Sweep, *, reach_mm: float, cell_mm: float) -> Bins:
-    """The bins of a sweep; work and memory grow with pieces times cells a piece reaches."""
-    begins, ends = sweep.coefficients[:, 0, :2], sweep.ends[:, :2]
-    grown = reach_mm + sweep.sag_mm[:, None]
+@dataclass(frozen=True, slots=True)
+class Strands:
+    """Runs of pieces: strand k holds pieces firsts[k] to firsts[k + 1] - 1; chords (n, 7): begin, vector, sag, mm."""
+
+    firsts: Ints
+    chords: Floats
+
+
+def strands_of(sweep: Sweep, *, sag_mm: float, length_mm: float) -> Strands:
+    """Runs of joined pieces no longer than about `length_mm` that no part leaves by more than about `sag_mm`.
+
+    The way is cut at every gap and wherever the length reached so far enters a new stretch of `length_mm`; runs that
+    bend more than `sag_mm` are taken apart again into their pieces.
+    """
+    begins, ends = sweep.coefficients[:, 0], sweep.ends
+    if not len(begins):
+        return Strands(np.zeros(1, dtype=np.int64), np.empty((0, 7)))
+    length = np.linalg.norm(ends - begins, axis=1)
+    stretch = ((np.cumsum(length) - length) / length_mm).astype(np.int64)
+    is_new = np.ones(len(begins) + 1, dtype=bool)
+    is_new[1:-1] = (stretch[1:] != stretch[:-1]) | (begins[1:] != ends[:-1]).any(axis=1)
+    firsts = np.flatnonzero(is_new)
+    sag = _strand_chords(sweep, firsts)[:, 6]
+    is_new[:-1] |= np.repeat(sag > sag_mm, np.diff(firsts))
+    firsts = np.flatnonzero(is_new)
+    return Strands(firsts.astype(np.int64), _strand_chords(sweep, firsts))
+
+
+def _strand_chords(sweep: Sweep, firsts: Ints) -> Floats:
+    """Chords of runs with the largest distance of a piece's ends from them, its own sag added."""
+    counts = np.diff(firsts)
+    begins, vectors = (
+        sweep.coefficients[firsts[:-1], 0],
+        sweep.ends[firsts[1:] - 1] - sweep.coefficients[firsts[:-1], 0],
+    )
+    square = np.einsum("ij,ij->i", vectors, vectors)
+    a, d, l2 = (np.repeat(each, counts, axis=0) for each in (begins, vectors, np.where(square > 0, square, 1.0)))
+    away = np.zeros(len(a))
+    for points in (sweep.coefficients[:, 0], sweep.ends):
+        t = np.clip(np.einsum("ij,ij->i", points - a, d) / l2, 0.0, 1.0)
+        away = np.maximum(away, np.linalg.norm(points - a - t[:, None] * d, axis=1))
+    sag = np.maximum.reduceat(away + sweep.sag_mm, firsts[:-1])
+    return np.concatenate([begins, vectors, sag[:, None]], axis=1)
+
+
+def bins_of(strands: Strands, *, reach_mm: float, cell_mm: float) -> Bins:
+    """The bins of a sweep; work and memory grow with strands times cells a strand reaches."""
+    begins, ends = strands.chords[:, :2], strands.chords[:, :2] + strands.chords[:, 3:5]
+    grown = reach_mm + strands.chords[:, 6:]
     low, high = np.minimum(begins, ends) - grown, np.maximum(begins, ends) + grown
     corner = low.min(axis=0) if len(low) else np.zeros(2)
     size = np.ceil((high.max(axis=0) - corner) / cell_mm).astype(int) if len(low) else np.zeros(2, dtype=int)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim import probe_fast
-from sim.bins import Bins, bins_of
+from sim.bins import Bins, Strands, bins_of, strands_of
 from sim.sweep import Sweep
 from sim.tool import Tool
 
@@ -28,10 +28,11 @@ class Heights:
 
 @dataclass(frozen=True, slots=True)
 class Probes:
-    """A sweep made ready for probing: pieces, chords (begin, vector, sag), bins in plan."""
+    """A sweep made ready for probing: pieces, chords (begin, vector, sag), strands, bins in plan."""
 
     sweep: Sweep
     chords: Floats
+    strands: Strands
     bins: Bins
     tool: Tool
     reach_mm: float
@@ -52,12 +53,9 @@ class Probes:
         probe_fast.heights(
             np.ascontiguousarray(points[part]),
             np.ascontiguousarray(normals[part]),
-            self.sweep.coefficients,
-            self.chords,
+            (self.strands.chords, self.strands.firsts, self.chords, self.sweep.coefficients, bins.items),
             bins.starts,
-            bins.items,
-            np.array([bins.x0_mm, bins.y0_mm, bins.cell_mm]),
-            *bins.shape,
+            (bins.x0_mm, bins.y0_mm, bins.cell_mm, *bins.shape),
             self.tool.corner_mm,
             self.reach_mm,
             self.margin_mm,
@@ -72,5 +70,6 @@ def probes_of(sweep: Sweep, tool: Tool, *, reach_mm: float) -> Probes:
     radius_mm = tool.corner_mm + tool.flat_mm
     margin_mm = radius_mm / 16
     chords = np.concatenate([sweep.coefficients[:, 0], sweep.ends - sweep.coefficients[:, 0], sweep.sag_mm[:, None]], 1)
-    bins = bins_of(sweep, reach_mm=radius_mm + margin_mm, cell_mm=radius_mm / 3)
-    return Probes(sweep, np.ascontiguousarray(chords), bins, tool, reach_mm, margin_mm)
+    strands = strands_of(sweep, sag_mm=radius_mm / 200, length_mm=radius_mm / 2)
+    bins = bins_of(strands, reach_mm=radius_mm + margin_mm, cell_mm=radius_mm / 3)
+    return Probes(sweep, np.ascontiguousarray(chords), strands, bins, tool, reach_mm, margin_mm)

@@ -1,7 +1,9 @@
 """Probes against the swept ball, compiled: one ray after the other, exact on the curve of every piece that counts.
 
 The geometry is told in `sim/MODEL.md`; `sim.probe_pure` gives the same figures where numba is not installed. Scalars
-are mm; p is the probe's point, n its unit normal, a chord is (ax, ay, az, dx, dy, dz, sag).
+are mm; p is the probe's point, n its unit normal. A chord is (ax, ay, az, dx, dy, dz, sag). `layers` is (chords of
+strands, first piece of each, chords of pieces, cubic pieces, strands listed in the bins); a grid is (x0, y0, cell
+width, rows, columns).
 """
 
 from __future__ import annotations
@@ -17,19 +19,22 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Items = NDArray[np.int32]
+Layers = tuple[Floats, Ints, Floats, Floats, Items]
+Grid = tuple[float, float, float, int, int]
+Vector = tuple[float, float, float]
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
     """The function through numba, kept on disk between runs, free of the interpreter's lock."""
-    return cast("F", njit(cache=True, nogil=True)(function))
+    return cast("F", njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 @compiled
-def _gap2(x: float, y: float, z: float, chord: Floats) -> float:
+def _gap2(x: Vector, chords: Floats, k: int) -> float:
     """Squared distance from a point to the chord with all that stands above it: the axis of the swept cutter."""
-    rx, ry, rz = x - chord[0], y - chord[1], z - chord[2]
-    dx, dy, dz = chord[3], chord[4], chord[5]
+    rx, ry, rz = x[0] - chords[k, 0], x[1] - chords[k, 1], x[2] - chords[k, 2]
+    dx, dy, dz = chords[k, 3], chords[k, 4], chords[k, 5]
     plan = dx * dx + dy * dy
     along = rx * dx + ry * dy
     s = min(1.0, max(0.0, along / plan)) if plan > 0.0 else (0.0 if dz >= 0.0 else 1.0)
@@ -55,11 +60,11 @@ def _entry(qx: float, qy: float, qz: float, nx: float, ny: float, nz: float, rad
 
 
 @compiled
-def _start(p: Floats, n: Floats, chord: Floats, radius: float, up: float) -> float:
+def _start(p: Vector, n: Vector, chords: Floats, k: int, radius: float, up: float) -> float:
     """Parameter in [0, 1] of the sphere by which the line enters the capsule about a chord (up = 0: in plan)."""
-    dx, dy, dz = chord[3], chord[4], up * chord[5]
+    dx, dy, dz = chords[k, 3], chords[k, 4], up * chords[k, 5]
     nx, ny, nz = n[0], n[1], up * n[2]
-    qx, qy, qz = chord[0] - p[0], chord[1] - p[1], up * (chord[2] - p[2])
+    qx, qy, qz = chords[k, 0] - p[0], chords[k, 1] - p[1], up * (chords[k, 2] - p[2])
     length = dx * dx + dy * dy + dz * dz
     if length == 0.0:
         return 0.0
@@ -72,7 +77,7 @@ def _start(p: Floats, n: Floats, chord: Floats, radius: float, up: float) -> flo
 
 
 @compiled
-def _lowest(p: Floats, n: Floats, c: Floats, start: float, radius: float, up: float) -> tuple[float, float]:
+def _lowest(p: Vector, n: Vector, c: Floats, k: int, start: float, radius: float, up: float) -> tuple[float, float]:
     """(entry, s): the lowest entry over all balls of a piece, by Newton from `start` (up = 0: circles in plan).
 
     Stationary where the vector from the ball's centre to the entry is square to the tangent of the curve.
@@ -80,9 +85,9 @@ def _lowest(p: Floats, n: Floats, c: Floats, start: float, radius: float, up: fl
     s = start
     entry = math.inf
     for _ in range(12):
-        x = c[0, 0] + s * (c[1, 0] + s * (c[2, 0] + s * c[3, 0])) - p[0]
-        y = c[0, 1] + s * (c[1, 1] + s * (c[2, 1] + s * c[3, 1])) - p[1]
-        z = up * (c[0, 2] + s * (c[1, 2] + s * (c[2, 2] + s * c[3, 2])) - p[2])
+        x = c[k, 0, 0] + s * (c[k, 1, 0] + s * (c[k, 2, 0] + s * c[k, 3, 0])) - p[0]
+        y = c[k, 0, 1] + s * (c[k, 1, 1] + s * (c[k, 2, 1] + s * c[k, 3, 1])) - p[1]
+        z = up * (c[k, 0, 2] + s * (c[k, 1, 2] + s * (c[k, 2, 2] + s * c[k, 3, 2])) - p[2])
         entry = _entry(x, y, z, n[0], n[1], up * n[2], radius)
         if entry == math.inf:
             return entry, s
@@ -90,13 +95,13 @@ def _lowest(p: Floats, n: Floats, c: Floats, start: float, radius: float, up: fl
         facing = gx * n[0] + gy * n[1] + gz * up * n[2]
         if facing == 0.0:
             return entry, s
-        vx = c[1, 0] + s * (2.0 * c[2, 0] + 3.0 * s * c[3, 0])
-        vy = c[1, 1] + s * (2.0 * c[2, 1] + 3.0 * s * c[3, 1])
-        vz = up * (c[1, 2] + s * (2.0 * c[2, 2] + 3.0 * s * c[3, 2]))
+        vx = c[k, 1, 0] + s * (2.0 * c[k, 2, 0] + 3.0 * s * c[k, 3, 0])
+        vy = c[k, 1, 1] + s * (2.0 * c[k, 2, 1] + 3.0 * s * c[k, 3, 1])
+        vz = up * (c[k, 1, 2] + s * (2.0 * c[k, 2, 2] + 3.0 * s * c[k, 3, 2]))
         pull = gx * vx + gy * vy + gz * vz
         slope = pull / facing * (n[0] * vx + n[1] * vy + up * n[2] * vz) - (vx * vx + vy * vy + vz * vz)
-        slope += gx * (2.0 * c[2, 0] + 6.0 * s * c[3, 0]) + gy * (2.0 * c[2, 1] + 6.0 * s * c[3, 1])
-        slope += up * gz * (2.0 * c[2, 2] + 6.0 * s * c[3, 2])
+        slope += gx * (2.0 * c[k, 2, 0] + 6.0 * s * c[k, 3, 0]) + gy * (2.0 * c[k, 2, 1] + 6.0 * s * c[k, 3, 1])
+        slope += up * gz * (2.0 * c[k, 2, 2] + 6.0 * s * c[k, 3, 2])
         if slope >= 0.0:
             return entry, s
         following = min(1.0, max(0.0, s - pull / slope))
@@ -107,145 +112,158 @@ def _lowest(p: Floats, n: Floats, c: Floats, start: float, radius: float, up: fl
 
 
 @compiled
-def _piece_entry(p: Floats, n: Floats, c: Floats, chord: Floats, radius: float, best: float) -> tuple[float, float]:
+def _piece_entry(
+    p: Vector, n: Vector, c: Floats, chords: Floats, k: int, radius: float, best: float
+) -> tuple[float, float]:
     """(entry, s) of the line into the cutter swept along one piece, ball and shank; inf where it misses."""
-    start = _start(p, n, chord, radius + chord[6], 1.0)
-    x = chord[0] + start * chord[3] - p[0]
-    y = chord[1] + start * chord[4] - p[1]
-    z = chord[2] + start * chord[5] - p[2]
-    bound = _entry(x, y, z, n[0], n[1], n[2], radius + chord[6])
+    start = _start(p, n, chords, k, radius + chords[k, 6], 1.0)
+    x = chords[k, 0] + start * chords[k, 3] - p[0]
+    y = chords[k, 1] + start * chords[k, 4] - p[1]
+    z = chords[k, 2] + start * chords[k, 5] - p[2]
+    bound = _entry(x, y, z, n[0], n[1], n[2], radius + chords[k, 6])
     if bound < math.inf:
         if bound >= best:
             return math.inf, start
-        entry, s = _lowest(p, n, c, start, radius, 1.0)
-        height = c[0, 2] + s * (c[1, 2] + s * (c[2, 2] + s * c[3, 2]))
+        entry, s = _lowest(p, n, c, k, start, radius, 1.0)
+        height = c[k, 0, 2] + s * (c[k, 1, 2] + s * (c[k, 2, 2] + s * c[k, 3, 2]))
         if entry < math.inf and p[2] + entry * n[2] <= height:
             return entry, s
-    return _shank_entry(p, n, c, chord, radius)
+    return _shank_entry(p, n, c, chords, k, radius)
 
 
 @compiled
-def _shank_entry(p: Floats, n: Floats, c: Floats, chord: Floats, radius: float) -> tuple[float, float]:
+def _shank_entry(p: Vector, n: Vector, c: Floats, chords: Floats, k: int, radius: float) -> tuple[float, float]:
     """(entry, s) through the upright side of the swept shank; inf where the line meets it below the ball's equator."""
-    start = _start(p, n, chord, radius, 0.0)
-    if chord[3] == 0.0 and chord[4] == 0.0:
-        start = 0.0 if chord[5] >= 0.0 else 1.0
-    entry, s = _lowest(p, n, c, start, radius, 0.0)
-    height = c[0, 2] + s * (c[1, 2] + s * (c[2, 2] + s * c[3, 2]))
+    start = _start(p, n, chords, k, radius, 0.0)
+    if chords[k, 3] == 0.0 and chords[k, 4] == 0.0:
+        start = 0.0 if chords[k, 5] >= 0.0 else 1.0
+    entry, s = _lowest(p, n, c, k, start, radius, 0.0)
+    height = c[k, 0, 2] + s * (c[k, 1, 2] + s * (c[k, 2, 2] + s * c[k, 3, 2]))
     if entry < math.inf and p[2] + entry * n[2] >= height:
         return entry, s
     return math.inf, s
 
 
 @compiled
-def _contains(p: Floats, c: Floats, s: float, chord: Floats, radius: float) -> bool:
+def _contains(p: Vector, c: Floats, chords: Floats, k: int, s: float, radius: float) -> bool:
     """Whether a point is in the cutter swept along a piece: in the ball at s, else in the sweep of the chord."""
-    x = c[0, 0] + s * (c[1, 0] + s * (c[2, 0] + s * c[3, 0])) - p[0]
-    y = c[0, 1] + s * (c[1, 1] + s * (c[2, 1] + s * c[3, 1])) - p[1]
-    z = c[0, 2] + s * (c[1, 2] + s * (c[2, 2] + s * c[3, 2])) - p[2]
+    x = c[k, 0, 0] + s * (c[k, 1, 0] + s * (c[k, 2, 0] + s * c[k, 3, 0])) - p[0]
+    y = c[k, 0, 1] + s * (c[k, 1, 1] + s * (c[k, 2, 1] + s * c[k, 3, 1])) - p[1]
+    z = c[k, 0, 2] + s * (c[k, 1, 2] + s * (c[k, 2, 2] + s * c[k, 3, 2])) - p[2]
     if x * x + y * y + z * z <= radius * radius * (1.0 + 1e-12):
         return True
-    return _gap2(p[0], p[1], p[2], chord) <= radius * radius
+    return _gap2(p, chords, k) <= radius * radius
 
 
 @compiled
-def _cell(x: float, y: float, grid: Floats, rows: int, columns: int) -> int:
-    """Number of the bin over a place in plan, or -1; grid is (x0, y0, cell width)."""
+def _cell(x: float, y: float, grid: Grid) -> int:
+    """Number of the bin over a place in plan, or -1."""
     i = math.floor((x - grid[0]) / grid[2])
     j = math.floor((y - grid[1]) / grid[2])
-    return i * columns + j if 0 <= i < rows and 0 <= j < columns else -1
+    return i * grid[4] + j if 0 <= i < grid[3] and 0 <= j < grid[4] else -1
 
 
 @compiled
 def _outward(
-    p: Floats,
-    n: Floats,
-    at: float,
-    best: float,
-    guess: int,
-    pieces: Floats,
-    chords: Floats,
-    listed: Items,
-    radius: float,
-) -> tuple[float, int, bool]:
-    """(height, piece, is_inside): first entry above the surface among listed pieces, or the deepest that holds p."""
-    owner, is_inside, depth = guess, False, 0.0
-    for k in range(len(listed)):
-        piece = listed[k]
-        middle, half = 0.5 * (at + best), 0.5 * (best - at)
-        chord = chords[piece]
-        room = radius + chord[6] + half
-        if _gap2(p[0] + middle * n[0], p[1] + middle * n[1], p[2] + middle * n[2], chord) > room * room:
+    p: Vector, n: Vector, at: float, best: float, owner: int, layers: Layers, listed: tuple[int, int], radius: float
+) -> tuple[float, int]:
+    """(height, piece): the first entry above height `at` among the strands listed, or, <= 0, one that holds p."""
+    strands, firsts, chords, pieces, items = layers
+    for item in range(listed[0], listed[1]):
+        middle, room = 0.5 * (at + best), radius + 0.5 * (best - at)
+        x = (p[0] + middle * n[0], p[1] + middle * n[1], p[2] + middle * n[2])
+        strand = items[item]
+        if _gap2(x, strands, strand) > (room + strands[strand, 6]) ** 2:
             continue
-        entry, s = _piece_entry(p, n, pieces[piece], chord, radius, best)
-        if entry <= 0.0:
-            if entry <= depth and _contains(p, pieces[piece], s, chord, radius):
-                depth, owner, is_inside = entry, piece, True
-        elif entry < best and not is_inside:
-            best, owner = entry, piece
-    return (depth if is_inside else best), owner, is_inside
+        for k in range(firsts[strand], firsts[strand + 1]):
+            if _gap2(x, chords, k) > (room + chords[k, 6]) ** 2:
+                continue
+            entry, s = _piece_entry(p, n, pieces, chords, k, radius, best)
+            if entry < best and (entry > 0.0 or _contains(p, pieces, chords, k, s, radius)):
+                best, owner = entry, k
+                if best <= 0.0:
+                    return best, owner
+    return best, owner
 
 
 @compiled
 def _inward(
-    p: Floats, n: Floats, depth: float, owner: int, pieces: Floats, chords: Floats, listed: Items, radius: float
+    p: Vector, n: Vector, depth: float, owner: int, layers: Layers, listed: tuple[int, int], radius: float
 ) -> tuple[float, int]:
-    """(height, piece): the cut followed further in through every listed piece that holds the point reached so far."""
-    x = np.empty(3)
-    for k in range(len(listed)):
-        piece = listed[k]
-        for axis in range(3):
-            x[axis] = p[axis] + depth * n[axis]
-        if _gap2(x[0], x[1], x[2], chords[piece]) > (radius + chords[piece, 6]) ** 2:
+    """(height, piece): the cut followed further in through every piece that holds the point reached so far."""
+    strands, firsts, chords, pieces, items = layers
+    for item in range(listed[0], listed[1]):
+        strand = items[item]
+        x = (p[0] + depth * n[0], p[1] + depth * n[1], p[2] + depth * n[2])
+        if _gap2(x, strands, strand) > (radius + strands[strand, 6]) ** 2:
             continue
-        entry, s = _piece_entry(p, n, pieces[piece], chords[piece], radius, depth)
-        if entry < depth - 1e-9 and _contains(x, pieces[piece], s, chords[piece], radius):
-            depth, owner = entry, piece
+        for k in range(firsts[strand], firsts[strand + 1]):
+            x = (p[0] + depth * n[0], p[1] + depth * n[1], p[2] + depth * n[2])
+            if _gap2(x, chords, k) > (radius + chords[k, 6]) ** 2:
+                continue
+            entry, s = _piece_entry(p, n, pieces, chords, k, radius, depth)
+            if entry < depth and _contains(x, pieces, chords, k, s, radius):
+                depth, owner = entry, k
     return depth, owner
+
+
+@compiled
+def _cut(
+    p: Vector,
+    n: Vector,
+    best: float,
+    owner: int,
+    layers: Layers,
+    starts: Ints,
+    grid: Grid,
+    radius: float,
+    margin: float,
+) -> tuple[float, int]:
+    """(height, piece) of one probe: outward cell by cell to the first entry, or inward as far as the cut goes."""
+    at = 0.0
+    level = math.sqrt(n[0] * n[0] + n[1] * n[1])
+    step = margin / level if level > 0.0 else math.inf
+    while best > 0.0 and at < best:
+        cell = _cell(p[0] + at * n[0], p[1] + at * n[1], grid)
+        if cell >= 0:
+            best, owner = _outward(p, n, at, best, owner, layers, (starts[cell], starts[cell + 1]), radius)
+        at += step
+    before = 1.0
+    while best <= 0.0 and best < before:
+        before = best
+        cell = _cell(p[0] + best * n[0], p[1] + best * n[1], grid)
+        if cell >= 0:
+            best, owner = _inward(p, n, best, owner, layers, (starts[cell], starts[cell + 1]), radius)
+    return best, owner
 
 
 @compiled
 def heights(
     points: Floats,
     normals: Floats,
-    pieces: Floats,
-    chords: Floats,
+    layers: Layers,
     starts: Ints,
-    items: Items,
-    grid: Floats,
-    rows: int,
-    columns: int,
+    grid: Grid,
     radius: float,
     reach: float,
     margin: float,
     out: Floats,
     owners: Ints,
 ) -> None:
-    """Height along every normal at which the cutter's way begins (inf beyond `reach`), and the piece that cut there."""
+    """Height along every normal at which the cutter's way begins (inf beyond `reach`), and the piece that cut there.
+
+    The piece of the last probe is tried first: neighbours are cut by the same one, and all others are then far.
+    """
     guess = -1
     for k in range(len(points)):
-        p, n = points[k], normals[k]
-        best, owner, at = reach, -1, 0.0
+        p = (points[k, 0], points[k, 1], points[k, 2])
+        n = (normals[k, 0], normals[k, 1], normals[k, 2])
+        best, owner = reach, -1
         if guess >= 0:
-            entry, _ = _piece_entry(p, n, pieces[guess], chords[guess], radius, reach)
+            entry, _ = _piece_entry(p, n, layers[3], layers[2], guess, radius, reach)
             if 0.0 < entry < reach:
                 best, owner = entry, guess
-        level = math.hypot(n[0], n[1])
-        step = margin / level if level > 0.0 else math.inf
-        is_inside = False
-        while not is_inside and at < best:
-            cell = _cell(p[0] + at * n[0], p[1] + at * n[1], grid, rows, columns)
-            if cell >= 0:
-                listed = items[starts[cell] : starts[cell + 1]]
-                best, owner, is_inside = _outward(p, n, at, best, owner, pieces, chords, listed, radius)
-            at += step
-        before = 1.0
-        while is_inside and best < before:
-            before = best
-            cell = _cell(p[0] + best * n[0], p[1] + best * n[1], grid, rows, columns)
-            if cell >= 0:
-                listed = items[starts[cell] : starts[cell + 1]]
-                best, owner = _inward(p, n, best, owner, pieces, chords, listed, radius)
+        best, owner = _cut(p, n, best, owner, layers, starts, grid, radius, margin)
         out[k] = best if owner >= 0 else math.inf
         owners[k] = owner
         guess = owner
