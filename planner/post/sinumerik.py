@@ -17,6 +17,7 @@ from planner.errors import InputRejected
 from planner.job import Job, Operation
 from planner.path.model import PlaneSpline, Polyline, ToolPath
 from planner.post.base import ControlLimits, Written, rounding_budget_mm
+from planner.post.bspline import bspline_passes
 from planner.post.linear import linear_passes
 from planner.post.numbers import decimals_within, plain
 from planner.post.passtext import PassText
@@ -96,11 +97,36 @@ def pass_texts(job: Job, operation: Operation, tool_path: ToolPath, control: Con
     fine = min(decimals_within(budget_mm), most)
     if shapes == {Polyline}:
         return linear_passes(tool_path.passes, drop_z_mm, budget_mm, fine, most)
-    if shapes == {PlaneSpline} and job.post.blocks in ("auto", "poly"):
-        return poly_passes(tool_path.passes, drop_z_mm, budget_mm, fine, most)
-    raise InputRejected(
-        f'post.blocks "{job.post.blocks}" is not built yet for {job.post.control}', remedy='use "poly" or "linear"'
+    if shapes != {PlaneSpline} or job.post.blocks not in ("auto", "poly", "bspline"):
+        raise InputRejected(
+            f'post.blocks "{job.post.blocks}" cannot be written for {job.post.control}',
+            remedy='use "auto", "poly", "bspline" or "linear"',
+        )
+    if job.post.blocks == "bspline":
+        return _bsplines(tool_path, drop_z_mm, budget_mm, fine, most, control)
+    poly = poly_passes(tool_path.passes, drop_z_mm, budget_mm, fine, most)
+    if job.post.blocks == "poly" or not control.knot_rule_verified:
+        return poly
+    bspline = _bsplines(tool_path, drop_z_mm, budget_mm, fine, most, control)
+    return min(poly, bspline, key=_size_bytes)
+
+
+def _bsplines(
+    tool_path: ToolPath, drop_z_mm: float, budget_mm: float, fine: int, most: int, control: ControlLimits
+) -> list[PassText]:
+    return bspline_passes(
+        tool_path.passes,
+        drop_z_mm,
+        budget_mm,
+        fine,
+        most,
+        knot_rule=control.knot_rule,
+        min_blocks=control.min_spline_blocks,
     )
+
+
+def _size_bytes(texts: Sequence[PassText]) -> int:
+    return sum(len(block) + 1 for text in texts for block in text.blocks)
 
 
 def program_name(name: str) -> str:

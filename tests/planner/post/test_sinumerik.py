@@ -151,7 +151,7 @@ def test_control_with_few_decimals_is_said() -> None:
     [
         ({"control": "fanuc-30i"}, "not built yet"),
         ({"name": "no good"}, "no SINUMERIK program name"),
-        ({"blocks": "spl"}, "not built yet"),
+        ({"blocks": "spl"}, "cannot be written"),
     ],
 )
 def test_refusals_are_one_sentence(post: dict[str, str], sentence: str) -> None:
