@@ -23,7 +23,11 @@ Count = Annotated[int, Meta(ge=0)]
 
 
 class Link(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The serial line; characters are written data bits, parity, stop bits, such as 7E2."""
+    """The serial line; characters are written data bits, parity, stop bits, such as 7E2.
+
+    Without `inflight_max_bytes` the baud rate decides (pacing.default_inflight_bytes). `adapter_latency_s` is what an
+    adapter adds between the control's XOFF and the moment we can read it.
+    """
 
     baud: Annotated[int, Meta(ge=50, le=4_000_000)] = 9600
     format: Annotated[str, Meta(pattern=r"^[5-8][NEOMS](1|1\.5|2)$")] = "8N1"
@@ -33,7 +37,10 @@ class Link(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     start: Literal["immediate", "wait-xon"] = "immediate"
     start_timeout_s: NotNegative = 60.0
     hold_timeout_s: NotNegative = 0.0
-    inflight_max_bytes: Annotated[int, Meta(ge=1)] = 3
+    hold_warning_s: NotNegative = 120.0
+    inflight_max_bytes: Annotated[int, Meta(ge=1)] | None = None
+    adapter_latency_s: NotNegative = 0.0
+    software_parity: bool = False
     char_delay_s: NotNegative = 0.0
     line_delay_s: NotNegative = 0.0
 
@@ -45,6 +52,7 @@ class Tape(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     trailer: str = ""
     end_of_block: str = "as-is"
     character_set: Literal["ascii", "iso", "any"] = "ascii"
+    line_max_bytes: Annotated[int, Meta(ge=16)] = 4096
 
 
 class Control(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -1,0 +1,45 @@
+"""`dnc send`: drip-feed a program to a control, or rehearse it on the virtual mill."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+_HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
+
+
+@click.command(epilog="Example: dnc send part.mpf --port /dev/ttyUSB0 --machine sinumerik-840d --report sent.json")
+@click.argument("program", type=click.Path(path_type=Path))
+@click.option("--port", help="device, pty, socket://host:port or rfc2217://host:port")
+@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
+@click.option("--baud", type=click.IntRange(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's")
+@click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
+@click.option("--handshake", type=click.Choice(_HANDSHAKES))
+@click.option("--start", type=click.Choice(["immediate", "wait-xon"]), help="send at once, or wait for the first XON")
+@click.option("--start-timeout", type=click.FloatRange(min=0), help="seconds to wait for the first XON; 0: for ever")
+@click.option("--hold-timeout", type=click.FloatRange(min=0), help="seconds an XOFF may last; 0: for ever")
+@click.option("--start-at", metavar="N120", help="restart at this block, with a computed preamble")
+@click.option("--resume", is_flag=True, help="restart where the interrupted job of this program stopped")
+@click.option("--check", "check_first", is_flag=True, help="run dnc check first; errors stop the job")
+@click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON")
+@click.option("--yes", is_flag=True, help="answer the questions of --start-at, --resume and of a job that was stopped")
+@click.option(
+    "--force", is_flag=True, help="send although no handshake can keep the control's buffer from running over"
+)
+@click.option("--control-was-reset", is_flag=True, help="the control was reset after the last job was cut off")
+@click.option("--dry-run", is_flag=True, help="send to a virtual mill started for this job (SIMULATED)")
+@click.option("--speed", type=click.FloatRange(min=0.001), default=1.0, help="time scale of --dry-run")
+@click.option("--hook", metavar="COMMAND", help="run at every change of state and alarm, the event as JSON on stdin")
+@click.option("--webhook", metavar="URL", help="post the same events there")
+@click.option("--json", "as_json", is_flag=True, help="print the report to stdout")
+def command(**options: Any) -> int:
+    """Drip-feed PROGRAM over the line.
+
+    The tape is examined for bytes that would act on the line; `--check` runs the whole check. SENT means that the last
+    byte left this computer, not that the part is done. SIGINT aborts; no key here is an emergency stop.
+    """
+    from dnc.sending import Wishes, send
+
+    return send(Wishes(**options))

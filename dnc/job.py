@@ -1,0 +1,179 @@
+"""One job from the loaded tape to the report: puts port, sender, stream, journal and publisher together."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from types import FrameType
+from typing import Any
+
+from dnc import alarms
+from dnc.aftermath import leave_mark
+from dnc.errors import ControlStopped, LineFault, OperatorAbort
+from dnc.eventlog import EventLog, Listener
+from dnc.events import JobState
+from dnc.handshake import Cause
+from dnc.journal import Journal
+from dnc.names import JobNames
+from dnc.pacing import ByteClock, Pace, bits_per_byte, default_inflight_bytes
+from dnc.places import runtime_folder, state_folder
+from dnc.port import Flow, Port
+from dnc.priority import on_time
+from dnc.profile import Link, MachineProfile
+from dnc.record import append_record, doubt_words, in_doubt, send_report
+from dnc.sender import Rules, Sender
+from dnc.service.publisher import Publisher
+from dnc.service.snapshot import JobView
+from dnc.stream import Command, Stream
+from dnc.tape import Tape
+
+_LAG_S = 150e-6
+_SLACK = 0.005
+_AHEAD_S = 6.0
+_AHEAD_MIN_BYTES = 4096
+SIGTERM_EXIT = 143
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """What a job left behind."""
+
+    report: dict[str, Any]
+    state: JobState
+    cause: Cause
+    exit_code: int
+    sentence: str
+
+
+def pace_of(link: Link) -> Pace:
+    """The measure of this line."""
+    inflight = link.inflight_max_bytes or default_inflight_bytes(link.baud, link.format)
+    byte_s = bits_per_byte(link.format) / link.baud
+    return Pace(byte_s, inflight, _LAG_S, _SLACK, link.char_delay_s, link.line_delay_s)
+
+
+def rules_of(link: Link) -> Rules:
+    """What the sender needs of the profile."""
+    return Rules(
+        xon=link.xon,
+        xoff=link.xoff,
+        hears_xoff=link.handshake == "xonxoff",
+        waits_for_xon=link.start == "wait-xon",
+        start_timeout_s=link.start_timeout_s,
+        hold_timeout_s=link.hold_timeout_s,
+        hold_warning_s=link.hold_warning_s,
+    )
+
+
+class Job:
+    """Runs once; `stream` may be asked to pause, resume or abort meanwhile."""
+
+    def __init__(
+        self, tape: Tape, port: Port, profile: MachineProfile, names: JobNames, listeners: list[Listener]
+    ) -> None:
+        self.tape, self.port, self.profile, self.names = tape, port, profile, names
+        self.sender = Sender(tape, ByteClock(pace_of(profile.link)), rules_of(profile.link))
+        self.events = EventLog(listeners)
+        ahead = max(_AHEAD_MIN_BYTES, int(_AHEAD_S * profile.link.baud / 10))
+        folder = state_folder() / "jobs" / names.job_id
+        self.journal = Journal(folder / "journal", tape.sha256, ahead, self._wake)
+        self.stream = Stream(self.sender, port, self.journal, self.events.add)
+        self._is_realtime = False
+        self._started = datetime.now(UTC)
+
+    def run(self) -> Finished:
+        """Send the tape; always ends with a report, whatever happened."""
+        view = JobView(self.sender, self.port, self.profile, self.names, self.events)
+        publisher = Publisher(runtime_folder(), view, self.stream.command)
+        publisher.start()
+        self.journal.open()
+        try:
+            with _signals(self.stream), on_time() as is_realtime:
+                self._is_realtime = is_realtime
+                self.stream.run()
+        finally:
+            ended_s = time.monotonic()
+            self.journal.close(self.sender.offset_bytes, self.sender.state)
+            if not self.port.close():
+                self.events.add(alarms.CLOSE_STUCK.at(ended_s, self.sender.offset_bytes))
+            publisher.close()
+            self.events.close()
+            self.stream.close()
+        return self._finished(ended_s)
+
+    def _wake(self) -> None:
+        self.stream.wake()
+
+    def _finished(self, ended_s: float) -> Finished:
+        sender = self.sender
+        report = send_report(
+            sender,
+            self.profile.control,
+            baud=self.profile.link.baud,
+            simulated=self.port.is_simulated,
+            now_s=ended_s,
+            alarms=self.events.alarms,
+            job=self.names.job_id,
+            program=self.names.program,
+            machine=self.names.machine,
+            port=self.port.name,
+            started=self._started.isoformat(timespec="milliseconds"),
+            handshake=self.profile.link.handshake,
+            bound_assured=self.port.is_bound_assured and self.port.flow is Flow.BYTES,
+            realtime=self._is_realtime,
+        )
+        code, sentence = self._verdict()
+        with contextlib.suppress(OSError):
+            append_record(state_folder(), report)
+        leave_mark(self.port.identity, report)
+        return Finished(report, sender.state, sender.last_cause, code, sentence)
+
+    def _verdict(self) -> tuple[int, str]:
+        """Exit code and sentence for the operator."""
+        sender = self.sender
+        window = doubt_words(
+            self.tape, in_doubt(self.tape, sender.offset_bytes, self._inflight(), self.profile.control)
+        )
+        why = self.events.alarms[-1] if self.events.alarms else None
+        told = f"{why.text}; {why.remedy}" if why is not None else sender.last_cause.value
+        if sender.state is JobState.SENT:
+            return 0, sender.note or f"sent {sender.tally.bytes_sent} bytes; SENT does not mean that the part is done"
+        if sender.state is JobState.PAUSED or self.stream.last_command is Command.LEAVE:
+            return SIGTERM_EXIT, f"stopped by SIGTERM at {sender.offset_bytes} bytes; {window}"
+        if sender.last_cause is Cause.ABORT:
+            cut = "the last block is cut: reset the control; " if sender.is_cut else ""
+            return int(OperatorAbort.exit_code), f"aborted by the operator; {cut}{window}"
+        if sender.last_cause in (Cause.CONTROL_RESET, Cause.CONTROL_ALARM):
+            return int(ControlStopped.exit_code), f"{told}; {window}"
+        return int(LineFault.exit_code), f"{told}; {window}"
+
+    def _inflight(self) -> int:
+        return self.sender.clock.pace.inflight_max_bytes
+
+
+@contextlib.contextmanager
+def _signals(stream: Stream) -> Iterator[None]:
+    """SIGINT aborts, SIGTERM pauses at a block end and leaves, SIGHUP (a lost terminal) changes nothing."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def on_signal(number: int, _frame: FrameType | None) -> None:
+        stream.command(Command.ABORT if number == signal.SIGINT else Command.LEAVE)
+
+    handlers: dict[signal.Signals, Callable[[int, FrameType | None], None] | signal.Handlers] = {
+        signal.SIGINT: on_signal,
+        signal.SIGTERM: on_signal,
+        signal.SIGHUP: signal.SIG_IGN,
+    }
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

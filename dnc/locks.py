@@ -1,0 +1,89 @@
+"""Who may use a port: the UUCP lock file that older programs look for, and the names of holders for the message."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+LOCK_FOLDER = Path("/var/lock")
+
+
+def lock_name(device: Path) -> str:
+    """The UUCP name of a device: LCK..ttyUSB0, LCK..pts-3.
+
+    >>> lock_name(Path("/dev/pts/3"))
+    'LCK..pts-3'
+    """
+    return "LCK.." + "-".join(device.parts[2:] if device.parts[:2] == ("/", "dev") else device.parts[1:])
+
+
+class UucpLock:
+    """A lock file with our process id; a dead owner's file is taken over."""
+
+    def __init__(self, device: Path, folder: Path = LOCK_FOLDER) -> None:
+        self._path = folder / lock_name(device)
+        self._is_ours = False
+
+    def acquire(self) -> str | None:
+        """Take the lock. Returns None, or the words that name the living holder; where the folder is not ours, None."""
+        for _ in range(2):
+            try:
+                fd = os.open(self._path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o644)
+            except FileExistsError:
+                holder = self._holder()
+                if holder is not None:
+                    return process_words(holder)
+                with contextlib.suppress(OSError):
+                    self._path.unlink()
+                continue
+            except OSError:
+                return None
+            with os.fdopen(fd, "w") as file:
+                file.write(f"{os.getpid():10d}\n")
+            self._is_ours = True
+            return None
+        return None
+
+    def release(self) -> None:
+        """Give the lock back if it is ours."""
+        if self._is_ours:
+            self._is_ours = False
+            with contextlib.suppress(OSError):
+                self._path.unlink()
+
+    def _holder(self) -> int | None:
+        """The living process in the file, or None."""
+        try:
+            pid = int(self._path.read_text(encoding="latin-1").split()[0])
+            os.kill(pid, 0)
+        except PermissionError:
+            return pid
+        except (OSError, ValueError, IndexError):
+            return None
+        return pid
+
+
+def flock_holder(device: Path) -> str:
+    """Words for the process that holds an flock on this device, from /proc/locks; 'another program' if unknown."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        about = device.stat()
+        wanted = f"{os.major(about.st_dev):02x}:{os.minor(about.st_dev):02x}:{about.st_ino}"
+        for row in Path("/proc/locks").read_text(encoding="ascii").splitlines():
+            fields = row.split()
+            if fields[1] == "FLOCK" and fields[5] == wanted:
+                return process_words(int(fields[4]))
+    return "another program"
+
+
+def process_words(pid: int) -> str:
+    """A process for a message: its id and its command.
+
+    >>> process_words(-1)
+    'process -1'
+    """
+    with contextlib.suppress(OSError):
+        command = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode("latin-1").strip()
+        if command:
+            return f"process {pid} ({''.join(char if char.isprintable() else '?' for char in command[:80])})"
+    return f"process {pid}"

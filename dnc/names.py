@@ -1,0 +1,21 @@
+"""What a job is called."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+
+@dataclass(frozen=True, slots=True)
+class JobNames:
+    """A job's id, the program's file, the machine profile."""
+
+    job_id: str
+    program: str
+    machine: str
+
+
+def new_job_id() -> str:
+    """Sortable and unique on this computer: start time and process."""
+    return f"{datetime.now(UTC):%Y%m%dT%H%M%S.%f}-{os.getpid()}"

@@ -1,0 +1,101 @@
+"""The byte clock: how many bytes may be beyond recall now, and when the next may follow.
+
+Whatever leaves the host sits in queues that nobody can call back (driver, adapter, UART), so the sender never hands
+over more than the line can have carried away in the meantime. The clock runs `slack` slower than the nominal line, so
+that a line up to that much slower than its nominal rate does not fill the queues unseen.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+def bits_per_byte(form: str) -> float:
+    """Start bit, data bits, parity bit, stop bits of a format such as 7E2.
+
+    >>> bits_per_byte("8N1"), bits_per_byte("7E2")
+    (10.0, 11.0)
+    """
+    return 1 + int(form[0]) + (form[1] != "N") + float(form[2:])
+
+
+def default_inflight_bytes(baud: int, form: str) -> int:
+    """Bytes in flight that keep the line busy over 0.78 ms of host delay, at least 3: 3 to 38400 baud, 9 at 115200.
+
+    >>> [default_inflight_bytes(baud, "8N1") for baud in (1200, 38400, 115200)]
+    [3, 3, 9]
+    """
+    return max(3, math.ceil(0.78e-3 * baud / bits_per_byte(form)))
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """The line's measure: time of one byte, how many may be in flight, how many make a refill worth a wake-up.
+
+    `lag_s` is the time that a byte may need to reach the line; `char_delay_s` stretches every byte and
+    `line_delay_s` follows every block end, for controls without a handshake.
+    """
+
+    byte_s: float
+    inflight_max_bytes: int
+    lag_s: float
+    slack: float
+    char_delay_s: float = 0.0
+    line_delay_s: float = 0.0
+
+    @property
+    def refill_bytes(self) -> int:
+        """A refill waits for this much room: a third of the bytes in flight."""
+        return max(1, self.inflight_max_bytes // 3)
+
+
+class ByteClock:
+    """Knows when the last byte handed over will have left the line."""
+
+    __slots__ = ("_busy_until_s", "_byte_s", "_lag_s", "_max_bytes", "_refill_before_s", "pace")
+
+    def __init__(self, pace: Pace) -> None:
+        self.pace = pace
+        self._byte_s = pace.byte_s * (1.0 + pace.slack) + pace.char_delay_s
+        self._lag_s = pace.lag_s
+        self._max_bytes = pace.inflight_max_bytes
+        self._refill_before_s = (pace.inflight_max_bytes - pace.refill_bytes) * self._byte_s
+        self._busy_until_s = -math.inf
+
+    @property
+    def idle_at_s(self) -> float:
+        """When the line will be silent if nothing more is handed over."""
+        return self._busy_until_s
+
+    def inflight_bytes(self, now_s: float) -> int:
+        """Upper bound of the bytes that have left the program and not yet the line."""
+        left_s = self._busy_until_s - now_s
+        return 0 if left_s <= 0 else math.ceil(left_s / self._byte_s - 1e-6)
+
+    def room_bytes(self, now_s: float) -> int:
+        """How many more bytes may be handed over now."""
+        return max(0, self._max_bytes - self.inflight_bytes(now_s))
+
+    def refill_at_s(self) -> float:
+        """The moment at which there is room for a refill."""
+        return self._busy_until_s - self._refill_before_s
+
+    def room_at_s(self, count_bytes: int) -> float:
+        """The moment at which there is room for this many bytes (at most the whole of what may be in flight)."""
+        return self._busy_until_s - max(0, self._max_bytes - count_bytes) * self._byte_s
+
+    def note(self, count_bytes: int, now_s: float) -> None:
+        """These bytes were handed over now."""
+        start_s = self._busy_until_s
+        if start_s <= now_s:
+            start_s = now_s + self._lag_s
+        self._busy_until_s = start_s + count_bytes * self._byte_s
+
+    def delay(self, delay_s: float) -> None:
+        """Keep silent this much longer."""
+        self._busy_until_s += delay_s
+
+    def take_back(self, count_bytes: int) -> None:
+        """These bytes were not accepted after all."""
+        self._busy_until_s -= count_bytes * self._byte_s

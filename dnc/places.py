@@ -1,0 +1,22 @@
+"""Where the state of the sending side lives: journal, records, spool, sockets."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def state_folder() -> Path:
+    """`$XDG_STATE_HOME/dnc`, by default ~/.local/state/dnc."""
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local/state") / "dnc"
+
+
+def runtime_folder() -> Path:
+    """`$XDG_RUNTIME_DIR/dnc` where there is one, else the state folder's `run`."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    return Path(runtime) / "dnc" if runtime else state_folder() / "run"
+
+
+def config_folder() -> Path:
+    """`$XDG_CONFIG_HOME/dnc`, by default ~/.config/dnc."""
+    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "dnc"

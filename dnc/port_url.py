@@ -1,0 +1,144 @@
+"""A port behind a network: socket:// and rfc2217://. XOFF arrives at no bounded time, so no bound is promised."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import threading
+
+import serial
+
+from dnc.errors import PortLost, PortUnavailable
+from dnc.port import FLOWS
+from dnc.profile import Link
+
+_CHUNK_BYTES = 4096
+
+
+class UrlPort:
+    """The verbs of Port over a network. pyserial's threads of rfc2217:// sit behind a socket pair, to be selectable."""
+
+    is_simulated = False
+    is_bound_assured = False
+
+    def __init__(self, name: str, link: Link) -> None:
+        self.name = self.identity = name
+        self.flow = FLOWS[link.handshake]
+        if link.handshake not in ("xonxoff", "none"):
+            raise PortUnavailable(f"{name}: handshake {link.handshake} does not reach across a network; use xonxoff")
+        try:
+            self._serial = serial.serial_for_url(
+                name,
+                baudrate=link.baud,
+                bytesize=int(link.format[0]),
+                parity=link.format[1],
+                stopbits=float(link.format[2:]),
+                timeout=0.2,
+                write_timeout=5,
+            )
+        except (serial.SerialException, OSError, ValueError) as problem:
+            raise PortUnavailable(f"{name} cannot be opened: {_reason(problem)}") from None
+        if name.startswith("socket://"):
+            self._fd = self._serial.fileno()
+            self._bridge = None
+        else:
+            self._bridge = _Bridge(self._serial)
+            self._fd = self._bridge.fileno()
+
+    def fileno(self) -> int:
+        """The descriptor, for select."""
+        return self._fd
+
+    def read(self) -> bytes:
+        """What has arrived; an empty answer is the end of the connection."""
+        try:
+            data = os.read(self._fd, _CHUNK_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError as problem:
+            raise PortLost(f"{self.name} was lost: {problem.strerror}") from None
+        if not data:
+            raise PortLost(f"{self.name} was closed by its other end")
+        return data
+
+    def write(self, data: bytes) -> int:
+        """How many bytes the system accepted."""
+        try:
+            return os.write(self._fd, data)
+        except BlockingIOError:
+            return 0
+        except OSError as problem:
+            raise PortLost(f"{self.name} was lost: {problem.strerror}") from None
+
+    def queued_bytes(self) -> int:
+        """Nobody can tell."""
+        return 0
+
+    def may_send(self) -> bool:
+        """No modem line is read across a network."""
+        return True
+
+    def changed_settings(self) -> str:
+        """The device server's settings are its own affair."""
+        return ""
+
+    def purge(self) -> None:
+        """What has been given to the network cannot be called back."""
+
+    def close(self) -> bool:
+        """Let go of the connection."""
+        with contextlib.suppress(OSError, serial.SerialException):
+            self._serial.close()
+        if self._bridge is not None:
+            self._bridge.close()
+        return True
+
+
+class _Bridge:
+    """Two threads between pyserial's blocking calls and one selectable socket."""
+
+    def __init__(self, port: serial.Serial) -> None:
+        self._port = port
+        self._ours, self._theirs = socket.socketpair()
+        self._ours.setblocking(False)
+        for work in (self._inward, self._outward):
+            threading.Thread(target=work, name="rfc2217", daemon=True).start()
+
+    def fileno(self) -> int:
+        return self._ours.fileno()
+
+    def close(self) -> None:
+        for end in (self._theirs, self._ours):
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+        self._ours.close()
+
+    def _inward(self) -> None:
+        """From the port to us, until either end dies."""
+        try:
+            while True:
+                data = self._port.read(1)
+                if data:
+                    self._theirs.sendall(data)
+        except (OSError, TypeError, serial.SerialException):
+            self._hang_up()
+
+    def _outward(self) -> None:
+        """From us to the port, until either end dies."""
+        try:
+            while data := self._theirs.recv(_CHUNK_BYTES):
+                self._port.write(data)
+        except (OSError, TypeError, serial.SerialException):
+            self._hang_up()
+
+    def _hang_up(self) -> None:
+        with contextlib.suppress(OSError):
+            self._theirs.shutdown(socket.SHUT_RDWR)
+
+
+def _reason(problem: Exception) -> str:
+    cause = problem.__context__
+    if isinstance(cause, OSError) and cause.strerror:
+        return cause.strerror
+    return str(problem).splitlines()[0]

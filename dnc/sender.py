@@ -1,0 +1,294 @@
+"""The sender: decides which bytes may leave now. No I/O, no clock of its own, no thread; the hard part, kept pure.
+
+`hear` takes what the control sent, `take` gives what may leave now, `tick` lets time pass; all return frozen events.
+Bytes given out are always an exact prefix of the tape. The rim (stream.py) moves them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from dnc import alarms
+from dnc.events import Event, Held, JobState, Noise, Resumed, StateChanged
+from dnc.handshake import TABLE, Cause, Heard, Listener, Signal
+from dnc.pacing import ByteClock
+from dnc.suspicion import Suspicion
+from dnc.tally import Tally
+from dnc.tape import Tape
+
+_OVER = frozenset({JobState.SENT, JobState.ABORTED, JobState.FAULTED})
+_TRAILER_WAIT_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What the machine profile and the operator's options say about talking; 0 s means without limit."""
+
+    xon: int = 0x11
+    xoff: int = 0x13
+    hears_xoff: bool = True
+    waits_for_xon: bool = False
+    start_timeout_s: float = 60.0
+    hold_timeout_s: float = 0.0
+    hold_warning_s: float = 120.0
+
+
+class Sender:
+    """One job on one line."""
+
+    def __init__(self, tape: Tape, clock: ByteClock, rules: Rules, offset_bytes: int = 0) -> None:
+        self.tape, self.clock, self.rules = tape, clock, rules
+        self.offset_bytes = offset_bytes
+        self.state = JobState.LOADED
+        self.last_cause = Cause.LOAD
+        self.note = ""
+        self.tally = Tally(byte_s=clock.pace.byte_s)
+        self._listener = Listener(rules.xon, rules.xoff)
+        self._suspicion = Suspicion(tape)
+        self._is_held_by_peer = False
+        self._stop_at: int | None = None
+        self._since_s = -math.inf
+        self._is_hold_warned = False
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more will ever leave, unless a program is loaded anew."""
+        return self.state in _OVER
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the bytes given out end inside a block."""
+        return not self.tape.is_block_end(self.offset_bytes)
+
+    @property
+    def is_pausing(self) -> bool:
+        """Whether a pause was asked for and the block has not ended yet."""
+        return self._stop_at is not None
+
+    @property
+    def held_since_s(self) -> float:
+        """When the present hold, pause or wait began."""
+        return self._since_s
+
+    @property
+    def next_wake_s(self) -> float:
+        """The latest moment at which `tick` and `take` want to be called again; infinite while only a byte can help."""
+        state = self.state
+        if state is JobState.SENDING:
+            return self.clock.room_at_s(self._wanted_bytes())
+        if state is JobState.DRAINING:
+            return self.clock.idle_at_s
+        if state is JobState.HELD:
+            return self._next_hold_deadline_s()
+        if state is JobState.ARMED and self.rules.start_timeout_s > 0:
+            return self._since_s + self.rules.start_timeout_s
+        return math.inf
+
+    def start(self, now_s: float) -> list[Event]:
+        """The operator's start: send at once, or wait for the control's first XON."""
+        if self.rules.waits_for_xon:
+            return self._move(Cause.START_AND_WAIT, now_s)
+        events = self._move(Cause.START, now_s)
+        return events + (self._move(Cause.XOFF, now_s) if self._is_held_by_peer else [])
+
+    def pause(self, now_s: float) -> list[Event]:
+        """Stop at the end of the block that is under way."""
+        if self.state not in (JobState.SENDING, JobState.HELD):
+            return []
+        self._stop_at = self.tape.next_block_end(self.offset_bytes) if self.is_cut else self.offset_bytes
+        return self._stop_if_reached(now_s)
+
+    def resume(self, now_s: float) -> list[Event]:
+        """Go on after a pause; the only way from PAUSED to SENDING."""
+        self._stop_at = None
+        self._suspicion.forget()
+        return self._move(Cause.RESUME_HELD if self._is_held_by_peer else Cause.RESUME, now_s)
+
+    def abort(self, now_s: float) -> list[Event]:
+        """Stop at once, inside a block if need be."""
+        return self._move(Cause.ABORT, now_s)
+
+    def lost(self, now_s: float, why: str) -> list[Event]:
+        """The port is gone."""
+        return self._alarmed(Cause.LOST, alarms.PORT_LOST, why, now_s)
+
+    def fault(self, kind: alarms.Kind, detail: str, now_s: float) -> list[Event]:
+        """Something outside was found wrong that ends the job."""
+        return self._alarmed(Cause.FAULT, kind, detail, now_s)
+
+    def disturb(self, kind: alarms.Kind, detail: str, now_s: float) -> list[Event]:
+        """Something outside was found wrong: stop at once and wait for the operator."""
+        return self._alarmed(Cause.DISTURBED, kind, detail, now_s)
+
+    def hear(self, data: bytes, now_s: float) -> list[Event]:
+        """What the control sent, as events; XON and XOFF take effect here."""
+        if not self.rules.hears_xoff:
+            return self._noise(data, now_s)
+        events: list[Event] = []
+        for heard in self._listener.hear(data):
+            events += self._hear_one(heard, now_s)
+        return events
+
+    def peer_is_ready(self, is_ready: bool, now_s: float) -> list[Event]:
+        """The same as XON and XOFF, from a modem line or a full driver queue."""
+        if is_ready != self._is_held_by_peer:
+            return []
+        return self._xon(now_s) if is_ready else self._xoff(False, now_s)
+
+    def take(self, room_bytes: int, now_s: float) -> bytes:
+        """The bytes that may leave now: at most `room_bytes`, never more in flight than the clock allows."""
+        if self.state is not JobState.SENDING or room_bytes <= 0:
+            return b""
+        clock = self.clock
+        count = clock.room_bytes(now_s)
+        if count < self._wanted_bytes():
+            return b""
+        chunk = self._allowed(min(count, room_bytes))
+        if chunk:
+            self.offset_bytes += len(chunk)
+            self.tally.sent(len(chunk), now_s)
+            clock.note(len(chunk), now_s)
+            if clock.pace.line_delay_s:
+                self._delay_after_block(chunk)
+        return chunk
+
+    def give_back(self, count_bytes: int) -> None:
+        """The host did not accept the last of the bytes taken; they will be taken again."""
+        self.offset_bytes -= count_bytes
+        self.clock.take_back(count_bytes)
+        self.tally.bytes_sent -= count_bytes
+
+    def tick(self, now_s: float) -> list[Event]:
+        """Let time pass: block ends reached, time-outs, the last byte gone."""
+        state = self.state
+        if state is JobState.SENDING:
+            if self.offset_bytes >= self.tape.size_bytes:
+                return self._move(Cause.ALL_TAKEN, now_s)
+            return self._stop_if_reached(now_s) if self._stop_at is not None else []
+        if state is JobState.DRAINING and now_s >= self.clock.idle_at_s:
+            return self._move(Cause.DRAINED, now_s)
+        if state is JobState.HELD:
+            return self._tick_held(now_s)
+        if state is JobState.ARMED and 0 < self.rules.start_timeout_s <= now_s - self._since_s:
+            return self._alarmed(Cause.START_TIMEOUT, alarms.NO_FIRST_XON, "", now_s)
+        return []
+
+    def _hear_one(self, heard: Heard, now_s: float) -> list[Event]:
+        if heard.signal is Signal.XOFF:
+            return self._xoff(heard.is_masked, now_s)
+        if heard.signal is Signal.XON:
+            return self._xon(now_s)
+        if heard.signal is Signal.RESET:
+            return self._alarmed(Cause.CONTROL_RESET, alarms.CONTROL_RESET, "", now_s)
+        if heard.signal is Signal.ALARM:
+            return self._alarmed(Cause.CONTROL_ALARM, alarms.CONTROL_ALARM, "", now_s)
+        return self._noise(heard.data, now_s)
+
+    def _xoff(self, is_masked: bool, now_s: float) -> list[Event]:
+        events: list[Event] = []
+        if is_masked and self.tally.masked_xoff_count == 0:
+            events.append(alarms.MASKED_XOFF.at(now_s, self.offset_bytes))
+        self.tally.masked_xoff_count += is_masked
+        if self._is_held_by_peer:
+            self.tally.repeated_xoff_count += 1
+            return events
+        self._is_held_by_peer, self._is_hold_warned = True, False
+        inflight = self.clock.inflight_bytes(now_s)
+        self.tally.held(inflight, now_s)
+        self._since_s = now_s
+        return [*events, Held(now_s, self.offset_bytes, inflight, is_masked), *self._move(Cause.XOFF, now_s)]
+
+    def _xon(self, now_s: float) -> list[Event]:
+        if not self._is_held_by_peer:
+            events = self._move(Cause.XON, now_s)
+            if events:
+                return events
+            self.tally.unasked_xon_count += 1
+            return self._suspicion.unasked_xon(now_s, self.offset_bytes)
+        self._is_held_by_peer = False
+        held_s = self.tally.resumed(now_s)
+        return [Resumed(now_s, self.offset_bytes, held_s), *self._move(Cause.XON, now_s)]
+
+    def _noise(self, data: bytes, now_s: float) -> list[Event]:
+        self.tally.noise_bytes += len(data)
+        events: list[Event] = [Noise(now_s, self.offset_bytes, data[:256])]
+        if self._suspicion.is_echo(data, self.offset_bytes):
+            return events + self._alarmed(Cause.FAULT, alarms.LOOPBACK, "", now_s)
+        found = self._suspicion.noise(data, now_s, self.offset_bytes)
+        if found is None:
+            return events
+        if self._suspicion.is_too_noisy:
+            return [*events, found, *self._move(Cause.DISTURBED, now_s)]
+        return [*events, found]
+
+    def _tick_held(self, now_s: float) -> list[Event]:
+        held_s = now_s - self._since_s
+        if self._stop_at is not None and self._stop_at <= self.offset_bytes:
+            return self._stop_if_reached(now_s)
+        if self.offset_bytes >= self.tape.end.essential_bytes and held_s >= _TRAILER_WAIT_S:
+            left = self.tape.size_bytes - self.offset_bytes
+            self.note = f"the control stopped reading after the end of the program; {left} bytes of trailer not taken"
+            return self._move(Cause.TRAILER_LEFT, now_s)
+        if 0 < self.rules.hold_timeout_s <= held_s:
+            return self._alarmed(Cause.HOLD_TIMEOUT, alarms.HOLD_TIMEOUT, f"{held_s:.0f} s", now_s)
+        if 0 < self.rules.hold_warning_s <= held_s and not self._is_hold_warned:
+            self._is_hold_warned = True
+            return [alarms.LONG_HOLD.at(now_s, self.offset_bytes, f"{held_s:.0f} s")]
+        return []
+
+    def _next_hold_deadline_s(self) -> float:
+        waits = [limit for limit in (self.rules.hold_timeout_s,) if limit > 0]
+        if self.rules.hold_warning_s > 0 and not self._is_hold_warned:
+            waits.append(self.rules.hold_warning_s)
+        if self.offset_bytes >= self.tape.end.essential_bytes:
+            waits.append(_TRAILER_WAIT_S)
+        return self._since_s + min(waits, default=math.inf)
+
+    def _wanted_bytes(self) -> int:
+        """How much room makes the next write worth while: a refill, or all that is left to send."""
+        end = self.tape.end
+        at = self.offset_bytes
+        if at == end.whole_from and end.whole_to - at <= self.clock.pace.inflight_max_bytes:
+            return end.whole_to - at
+        stop = self.tape.size_bytes if self._stop_at is None else self._stop_at
+        if at < end.whole_from < stop:
+            stop = end.whole_from
+        return max(1, min(self.clock.pace.refill_bytes, stop - at))
+
+    def _allowed(self, count: int) -> bytes:
+        """The next bytes, cut where a pause was asked for and before the end that must leave whole."""
+        at, end = self.offset_bytes, self.tape.end
+        if self._stop_at is not None:
+            count = min(count, self._stop_at - at)
+        if at < end.whole_from < at + count < end.whole_to:
+            count = end.whole_from - at
+        return self.tape.read(at, count)
+
+    def _delay_after_block(self, chunk: bytes) -> None:
+        if self.tape.block_end[-1:] in chunk:
+            self.clock.delay(self.clock.pace.line_delay_s)
+
+    def _stop_if_reached(self, now_s: float) -> list[Event]:
+        if self._stop_at is None or self.offset_bytes < self._stop_at:
+            return []
+        self._stop_at = None
+        return self._move(Cause.PAUSE_REACHED, now_s)
+
+    def _alarmed(self, cause: Cause, kind: alarms.Kind, detail: str, now_s: float) -> list[Event]:
+        moved = self._move(cause, now_s)
+        return [kind.at(now_s, self.offset_bytes, detail), *moved] if moved else []
+
+    def _move(self, cause: Cause, now_s: float) -> list[Event]:
+        """Follow the table; a cause that it does not know in this state changes nothing."""
+        old = self.state
+        new = TABLE.get((old, cause))
+        if new is None or new is old:
+            return []
+        self.state, self.last_cause = new, cause
+        if new in (JobState.ARMED, JobState.PAUSED) or (new is JobState.HELD and old is JobState.PAUSED):
+            self._since_s = now_s
+        if new is JobState.PAUSED or new in _OVER:
+            self._stop_at = None
+        self.tally.moved(new, now_s, self.clock.idle_at_s)
+        return [StateChanged(now_s, self.offset_bytes, old, new, cause.value)]

@@ -1,0 +1,156 @@
+"""What `dnc send` does before and after the job itself: settings, refusals, the port, the report."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import msgspec
+
+from dnc.aftermath import refuse_dirty_control
+from dnc.errors import InputRejected, SettingsRejected
+from dnc.hooks import hooks_of
+from dnc.job import Finished, Job
+from dnc.names import JobNames, new_job_id
+from dnc.places import config_folder, state_folder
+from dnc.port import Port, SerialPort
+from dnc.profile import Link, MachineProfile, load_profile, profile_path
+from dnc.progress import Progress, event_lines
+from dnc.record import write_whole
+from dnc.rehearsal import rehearsal_mill
+from dnc.spool import load_tape
+from dnc.stamp import refuse_contradiction
+from dnc.tape import Tape
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """The options of `dnc send`, as given."""
+
+    program: Path
+    port: str | None
+    machine: str
+    baud: int | None
+    form: str | None
+    handshake: str | None
+    start: str | None
+    start_timeout: float | None
+    hold_timeout: float | None
+    start_at: str | None
+    resume: bool
+    check_first: bool
+    report: Path | None
+    yes: bool
+    force: bool
+    control_was_reset: bool
+    dry_run: bool
+    speed: float
+    hook: str | None
+    webhook: str | None
+    as_json: bool
+
+
+def send(wishes: Wishes) -> int:
+    """Send a program as wished and return the exit code; raises UserError for whatever forbids it."""
+    if (wishes.port is None) == (not wishes.dry_run):
+        raise click.UsageError("give --port PORT, or --dry-run for the virtual mill")
+    profile = effective_profile(wishes)
+    if wishes.report is not None and not wishes.report.parent.is_dir():
+        raise SettingsRejected(f"the folder of {wishes.report} does not exist", remedy="create it")
+    tape = load_tape(wishes.program, profile.tape, state_folder() / "spool")
+    try:
+        refuse_contradiction(tape, profile, wishes.program)
+        with _port(wishes, profile) as (port, profile):
+            try:
+                refuse_overrun(tape, profile, port, is_forced=wishes.force)
+                refuse_dirty_control(port.identity, wishes.yes, wishes.control_was_reset)
+            except BaseException:
+                port.close()
+                raise
+            finished = _run(tape, port, profile, wishes)
+    finally:
+        tape.close()
+    return _ending(finished, wishes)
+
+
+def effective_profile(wishes: Wishes) -> MachineProfile:
+    """The machine's profile with the options in place of its own values."""
+    profile = load_profile(profile_path(wishes.machine, config_folder() / "machines"))
+    given = {
+        "baud": wishes.baud,
+        "format": wishes.form,
+        "handshake": wishes.handshake,
+        "start": wishes.start,
+        "start_timeout_s": wishes.start_timeout,
+        "hold_timeout_s": wishes.hold_timeout,
+    }
+    values = msgspec.to_builtins(profile.link) | {name: value for name, value in given.items() if value is not None}
+    try:
+        link = msgspec.convert(values, Link)
+    except msgspec.ValidationError as problem:
+        raise SettingsRejected(str(problem).replace(" - at `$.", ": ").rstrip("`"), remedy="mend the option") from None
+    if link.start == "wait-xon" and link.handshake != "xonxoff":
+        raise SettingsRejected(
+            f"start wait-xon cannot work with handshake {link.handshake}: nobody reads the XON",
+            remedy="use --handshake xonxoff, or --start immediate",
+        )
+    return msgspec.structs.replace(profile, link=link)
+
+
+def refuse_overrun(tape: Tape, profile: MachineProfile, port: Port, *, is_forced: bool) -> None:
+    """Refuse a line on which nothing can stop us, when the program is larger than the control's buffer."""
+    is_blind = profile.link.handshake == "none" or not port.is_bound_assured
+    if not is_blind or is_forced or tape.size_bytes <= profile.control.receive_buffer_bytes:
+        return
+    why = "no handshake" if profile.link.handshake == "none" else "XOFF over a network comes at no bounded time"
+    raise SettingsRejected(
+        f"{why}, and the program has {tape.size_bytes} bytes where the control takes "
+        f"{profile.control.receive_buffer_bytes}",
+        remedy="use a handshake on a local port, or --force if the device server does the handshake itself",
+    )
+
+
+def open_port(name: str, link: Link) -> Port:
+    """A device, a pty, or a port behind a network."""
+    if "://" in name:
+        from dnc.port_url import UrlPort
+
+        return UrlPort(name, link)
+    return SerialPort(name, link)
+
+
+@contextlib.contextmanager
+def _port(wishes: Wishes, profile: MachineProfile) -> Iterator[tuple[Port, MachineProfile]]:
+    """The port to send to, and the profile with the baud rate that counts there."""
+    if wishes.port is not None:
+        yield open_port(wishes.port, profile.link), profile
+        return
+    with rehearsal_mill(wishes.machine, wishes.speed) as (name, baud):
+        scaled = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=baud))
+        yield open_port(name, scaled.link), scaled
+
+
+def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes) -> Finished:
+    names = JobNames(new_job_id(), str(wishes.program), wishes.machine)
+    job = Job(tape, port, profile, names, [event_lines(port.is_simulated), *hooks_of(wishes.hook, wishes.webhook)])
+    with Progress(job.sender, port.is_simulated, sys.stderr):
+        return job.run()
+
+
+def _ending(finished: Finished, wishes: Wishes) -> int:
+    text = json.dumps(finished.report, indent=1)
+    if wishes.as_json:
+        click.echo(text)
+    label = "SIMULATED: " if finished.report["simulated"] else ""
+    click.echo(f"dnc: {label}{finished.sentence}", err=True)
+    if wishes.report is not None:
+        try:
+            write_whole(wishes.report, text + "\n")
+        except OSError as problem:
+            raise InputRejected(f"the report cannot be written: {problem.strerror}", path=wishes.report) from None
+    return finished.exit_code

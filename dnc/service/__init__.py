@@ -1,0 +1,1 @@
+"""The running job, published to whoever watches: snapshots out, orders of the lease holder in."""

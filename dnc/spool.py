@@ -1,0 +1,118 @@
+"""From the program's file to the tape: one pass that copies, checks, normalises block ends, frames and hashes."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import stat
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from dnc import profile
+from dnc.errors import InputRejected, SettingsRejected
+from dnc.framing import CharacterCheck, block_end_bytes, escaped_bytes
+from dnc.tape import Frame, LineIndex, Tape
+
+_CHUNK_BYTES = 1 << 16
+_MEMORY_BYTES = 8 << 20
+_ANY_BLOCK_END = re.compile(rb"\r\n|\n\r\r|\n\r(?!\n)|\n|\r")
+
+
+def load_tape(path: Path, rules: profile.Tape, spool_folder: Path) -> Tape:
+    """Spool, check, frame and hash a program; raises InputRejected (bad program) or SettingsRejected (no space).
+
+    Up to 8 MB stay in memory; more goes to an unnamed file in `spool_folder`.
+    """
+    source = _open_program(path)
+    try:
+        spool = _spool(os.fstat(source).st_size, spool_folder)
+        try:
+            return _spooled(source, spool, path, rules)
+        except BaseException:
+            os.close(spool)
+            raise
+    except OSError as problem:
+        raise SettingsRejected(
+            f"the program cannot be copied to {spool_folder}: {problem.strerror}",
+            remedy="free space there, or set XDG_STATE_HOME",
+        ) from None
+    finally:
+        os.close(source)
+
+
+def _open_program(path: Path) -> int:
+    try:
+        found = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as problem:
+        raise InputRejected(
+            f"cannot be read: {problem.strerror}", path=path, remedy="check the name and the rights"
+        ) from None
+    about = os.fstat(found)
+    if stat.S_ISREG(about.st_mode) and about.st_size > 0:
+        return found
+    os.close(found)
+    kinds = {stat.S_IFDIR: "a directory", stat.S_IFREG: "empty", stat.S_IFIFO: "a FIFO"}
+    kind = kinds.get(stat.S_IFMT(about.st_mode), "not a regular file")
+    raise InputRejected(f"is {kind}", path=path, remedy="name a program")
+
+
+def _spool(size_bytes: int, folder: Path) -> int:
+    """A descriptor of anonymous storage: gone when closed, whatever happens to the process."""
+    if size_bytes <= _MEMORY_BYTES:
+        return os.memfd_create("dnc-tape", os.MFD_CLOEXEC)
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder) as file:
+        return os.dup(file.fileno())
+
+
+def _spooled(source: int, spool: int, path: Path, rules: profile.Tape) -> Tape:
+    head = os.pread(source, _CHUNK_BYTES, 0)
+    wanted = block_end_bytes(rules.end_of_block)
+    block_end = wanted or _block_end_of(head)
+    leader, trailer = escaped_bytes(rules.leader), escaped_bytes(rules.trailer)
+    lines = LineIndex(b"\n" if b"\n" in block_end else block_end[-1:])
+    of_tape, of_program = hashlib.sha256(), hashlib.sha256()
+    check = CharacterCheck(path, rules.character_set, rules.line_max_bytes)
+
+    def put(chunk: bytes) -> None:
+        lines.feed(chunk)
+        of_tape.update(chunk)
+        _write_all(spool, chunk)
+
+    def checked() -> Iterator[bytes]:
+        while chunk := os.read(source, _CHUNK_BYTES):
+            check.feed(chunk)
+            of_program.update(chunk)
+            yield chunk
+
+    put(leader)
+    for chunk in checked() if wanted is None else _normalised(checked(), wanted):
+        put(chunk)
+    put(trailer)
+    frame = Frame(len(leader), len(trailer), block_end)
+    return Tape(spool, of_tape.hexdigest(), of_program.hexdigest(), lines, frame)
+
+
+def _block_end_of(head: bytes) -> bytes:
+    """What ends the first block, so that a pause falls on a block end: CR LF, LF or CR."""
+    found = re.search(rb"\r\n|\n|\r", head)
+    return found.group() if found else b"\n"
+
+
+def _normalised(chunks: Iterator[bytes], wanted: bytes) -> Iterator[bytes]:
+    """The same blocks with the wanted block end; a run of end characters is never torn by a chunk's border."""
+    kept = b""
+    for chunk in chunks:
+        data = kept + chunk
+        body = data.rstrip(b"\r\n")
+        kept = data[len(body) :]
+        yield _ANY_BLOCK_END.sub(lambda _found: wanted, body)
+    if kept:
+        yield _ANY_BLOCK_END.sub(lambda _found: wanted, kept)
+
+
+def _write_all(target: int, data: bytes) -> None:
+    while data:
+        data = data[os.write(target, data) :]

@@ -1,0 +1,204 @@
+"""The sending loop: one select, one read, one write at a time, between the port and the sender.
+
+It sleeps until the byte clock has room or the control speaks. Nothing here waits for a disk, a display or a network:
+events go to a sink that must return at once, the journal works ahead in its own thread.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from enum import Enum
+from select import select
+
+from dnc import alarms
+from dnc.errors import PortLost
+from dnc.events import Event, JobState
+from dnc.journal import Journal
+from dnc.port import Flow, Port
+from dnc.sender import Sender
+
+_HOUSEKEEPING_S = 1.0
+_LEAVE_S = 2.0
+_STUCK_S = 0.05
+_FLOW_POLL_S = 0.002
+_SLEEP_LIMIT_S = 5.0
+Sink = Callable[[Event], None]
+
+
+class Command(Enum):
+    """What may be asked of a running job, from any thread or signal handler."""
+
+    PAUSE = "pause"
+    RESUME = "resume"
+    ABORT = "abort"
+    LEAVE = "pause at a block end and end the process"
+
+
+class Stream:
+    """Runs one job to its end; `command` is safe from anywhere, `run` belongs to one thread."""
+
+    def __init__(
+        self, sender: Sender, port: Port, journal: Journal, sink: Sink, *, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.sender, self.port, self.journal = sender, port, journal
+        self.last_command: Command | None = None
+        self._sink, self._clock = sink, clock
+        self._commands: deque[Command] = deque()
+        self._wake_read, self._wake_write = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        self._fd = port.fileno()
+        self._flow = port.flow
+        self._is_full = False
+        self._retry_at_s = 0.0
+        self._moving_at_s = 0.0
+        self._housekeep_at_s = 0.0
+        self._leave_at_s: float | None = None
+        self._asleep_s = _asleep_s()
+        self._is_journal_reported = False
+
+    def command(self, command: Command) -> None:
+        """Ask something of the running job."""
+        self._commands.append(command)
+        self.wake()
+
+    def wake(self) -> None:
+        """Make the loop look around; safe from any thread or signal handler."""
+        with contextlib.suppress(OSError):
+            os.write(self._wake_write, b"!")
+
+    def run(self) -> None:
+        """Start the job and move bytes until it is over, paused for leaving, or never started."""
+        sender = self.sender
+        self._report(sender.start(self._clock()))
+        try:
+            while not self._is_done():
+                self._step()
+        except PortLost as problem:
+            self._report(sender.lost(self._clock(), str(problem)))
+        if sender.state in (JobState.ABORTED, JobState.FAULTED):
+            self.port.purge()
+
+    def close(self) -> None:
+        """Let go of the pipe."""
+        os.close(self._wake_read)
+        os.close(self._wake_write)
+
+    def _is_done(self) -> bool:
+        sender = self.sender
+        if sender.is_over or sender.state is JobState.LOADED:
+            return True
+        return self._leave_at_s is not None and sender.state is JobState.PAUSED
+
+    def _step(self) -> None:
+        sender = self.sender
+        readers, writers = (self._fd, self._wake_read), (self._fd,) if self._is_full else ()
+        ready, writable, _ = select(readers, writers, (), self._wait_s())
+        now_s = self._clock()
+        if writable:
+            self._is_full = False
+        if ready:
+            self._look(ready, now_s)
+        if self._flow is not Flow.BYTES:
+            self._watch_flow(now_s)
+        if sender.state is JobState.SENDING:
+            self._send(now_s)
+        events = sender.tick(now_s)
+        if events:
+            self._report(events)
+        if now_s >= self._housekeep_at_s:
+            self._housekeep(now_s)
+
+    def _wait_s(self) -> float:
+        """How long nothing can happen unless a byte or a command arrives."""
+        now_s = self._clock()
+        sender = self.sender
+        until_s = self._housekeep_at_s
+        is_blocked = self._is_full or self._journal_room() <= 0
+        if not (is_blocked and sender.state is JobState.SENDING):
+            until_s = min(until_s, max(sender.next_wake_s, self._retry_at_s))
+        if self._flow is not Flow.BYTES:
+            until_s = min(until_s, now_s + _FLOW_POLL_S)
+        return max(0.0, until_s - now_s)
+
+    def _journal_room(self) -> int:
+        return self.journal.bound_bytes - self.sender.offset_bytes
+
+    def _look(self, ready: Iterable[object], now_s: float) -> None:
+        for found in ready:
+            if found == self._fd:
+                self._report(self.sender.hear(self.port.read(), now_s))
+            else:
+                with contextlib.suppress(BlockingIOError):
+                    os.read(self._wake_read, 4096)
+        while self._commands:
+            self._obey(self._commands.popleft(), now_s)
+
+    def _obey(self, command: Command, now_s: float) -> None:
+        sender = self.sender
+        self.last_command = command
+        if command is Command.ABORT:
+            self._report(sender.abort(now_s))
+        elif command is Command.RESUME:
+            self._report(sender.resume(now_s))
+        else:
+            self._report(sender.pause(now_s))
+        if command is Command.LEAVE:
+            self._leave_at_s = self._housekeep_at_s = now_s + _LEAVE_S
+            if sender.state is JobState.ARMED:
+                self._report(sender.abort(now_s))
+
+    def _send(self, now_s: float) -> None:
+        sender, port = self.sender, self.port
+        room = self._journal_room()
+        queued = port.queued_bytes()
+        if queued:
+            room = min(room, sender.clock.pace.inflight_max_bytes - queued)
+        chunk = sender.take(room, now_s)
+        if not chunk:
+            self._retry_at_s = now_s + sender.clock.pace.byte_s if queued else 0.0
+            return
+        accepted = port.write(chunk)
+        self._is_full = accepted < len(chunk)
+        if self._is_full:
+            sender.give_back(len(chunk) - accepted)
+        self.journal.note(sender.offset_bytes, sender.state)
+
+    def _watch_flow(self, now_s: float) -> None:
+        """Where no XOFF can be read: a modem line, or a driver that takes nothing more, says that the control holds."""
+        if self._flow is Flow.MODEM:
+            self._report(self.sender.peer_is_ready(self.port.may_send(), now_s))
+        elif self._flow is Flow.DRIVER:
+            if not self._is_full and self.port.queued_bytes() < self.sender.clock.pace.inflight_max_bytes:
+                self._moving_at_s = now_s
+            self._report(self.sender.peer_is_ready(now_s - self._moving_at_s < _STUCK_S, now_s))
+
+    def _report(self, events: Iterable[Event]) -> None:
+        for event in events:
+            self._sink(event)
+        if events:
+            self.journal.note(self.sender.offset_bytes, self.sender.state)
+
+    def _housekeep(self, now_s: float) -> None:
+        """Once a second: foreign settings, a nap of the computer, a journal that gave up, a leave that is due."""
+        sender = self.sender
+        self._housekeep_at_s = now_s + _HOUSEKEEPING_S
+        changed = self.port.changed_settings()
+        if changed:
+            self._report(sender.disturb(alarms.FOREIGN_SETTINGS, changed, now_s))
+        asleep_s = _asleep_s()
+        if asleep_s - self._asleep_s > _SLEEP_LIMIT_S:
+            self._report(sender.disturb(alarms.SLEPT, f"{asleep_s - self._asleep_s:.0f} s", now_s))
+        self._asleep_s = asleep_s
+        if self.journal.problem and not self._is_journal_reported:
+            self._is_journal_reported = True
+            self._report([alarms.NO_JOURNAL.at(now_s, sender.offset_bytes, self.journal.problem)])
+        if self._leave_at_s is not None and now_s >= self._leave_at_s:
+            self._report(sender.abort(now_s))
+
+
+def _asleep_s() -> float:
+    """How long this computer has slept since it started."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - time.monotonic()

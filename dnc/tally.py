@@ -1,0 +1,66 @@
+"""The figures of one job: bytes, holds, how far bytes ran on after XOFF, how full the line was."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dnc.events import JobState
+
+
+@dataclass(slots=True)
+class Tally:
+    """Counters that the sender keeps; times in seconds on the monotonic clock."""
+
+    byte_s: float
+    bytes_sent: int = 0
+    xoff_count: int = 0
+    masked_xoff_count: int = 0
+    repeated_xoff_count: int = 0
+    unasked_xon_count: int = 0
+    noise_bytes: int = 0
+    inflight_at_xoff_bytes_max: int = 0
+    held_s: float = 0.0
+    first_s: float | None = None
+    active_s: float = 0.0
+    last_s: float = 0.0
+    _held_since_s: float | None = None
+    _active_since_s: float | None = None
+    _active_until_s: float = 0.0
+
+    def sent(self, count_bytes: int, now_s: float) -> None:
+        """These bytes left now."""
+        if self.first_s is None:
+            self.first_s = now_s
+        self.bytes_sent += count_bytes
+
+    def held(self, inflight_bytes: int, now_s: float) -> None:
+        """The control said XOFF while this many bytes were beyond recall."""
+        self.xoff_count += 1
+        self.inflight_at_xoff_bytes_max = max(self.inflight_at_xoff_bytes_max, inflight_bytes)
+        self._held_since_s = now_s
+
+    def resumed(self, now_s: float) -> float:
+        """The control said XON; returns how long it had held."""
+        held_s = 0.0 if self._held_since_s is None else now_s - self._held_since_s
+        self._held_since_s = None
+        self.held_s += held_s
+        return held_s
+
+    def moved(self, new: JobState, now_s: float, idle_at_s: float) -> None:
+        """The job changed state; the line counts as in use from SENDING until its last byte has gone."""
+        if new is JobState.SENDING:
+            self._active_since_s = max(now_s, self._active_until_s)
+        elif self._active_since_s is not None:
+            self._active_until_s = max(now_s, idle_at_s)
+            self.active_s += max(0.0, self._active_until_s - self._active_since_s)
+            self._active_since_s = None
+        self.last_s = now_s
+
+    def held_now_s(self, now_s: float) -> float:
+        """All time held so far, the present hold included."""
+        return self.held_s + (0.0 if self._held_since_s is None else now_s - self._held_since_s)
+
+    def utilisation(self, now_s: float) -> float:
+        """Bytes over what the line could have carried in the time not held and not paused."""
+        active_s = self.active_s + (0.0 if self._active_since_s is None else max(0.0, now_s - self._active_since_s))
+        return min(1.0, self.bytes_sent * self.byte_s / active_s) if active_s > 0 else 0.0
