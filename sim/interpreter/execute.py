@@ -1,0 +1,256 @@
+"""What one block does: read, check, then change the state and give canonical commands, in the control's order.
+
+The order within a block: modes, frames, tool, spindle start, coolant, message, then the move, then what the control
+does after a move (M5, M9, M0, M1, M2, M17, M30).
+"""
+
+from __future__ import annotations
+
+from planner.gcode import Block, ModalGroup, Name, Text, Word
+from sim.interpreter import canon
+from sim.interpreter.alarms import AlarmNumber, ControlAlarm
+from sim.interpreter.frame_words import program_frame, program_limits
+from sim.interpreter.motion_words import Mover
+from sim.interpreter.outlet import Outlet
+from sim.interpreter.request import AXES, Request, request_of
+from sim.interpreter.settings import Settings
+from sim.interpreter.state import INCH_MM, State
+from sim.interpreter.values import Variables, evaluate
+
+_MODES = {"G60": canon.PathMode.EXACT_STOP, "G64": canon.PathMode.CONTINUOUS, "G641": canon.PathMode.ROUNDING_DISTANCE}
+_PLAIN_MODALS = (
+    (ModalGroup.PLANE, "plane"),
+    (ModalGroup.DIMENSION, "dimension"),
+    (ModalGroup.UNITS, "units"),
+    (ModalGroup.WORK_OFFSET, "work_offset"),
+    (ModalGroup.CORNER, "corner"),
+    (ModalGroup.FEED_CORRECTION, "feed_correction"),
+    (ModalGroup.SPLINE_START, "spline_start"),
+    (ModalGroup.SPLINE_END, "spline_end"),
+)
+_MESSAGE_LIMIT = 200
+
+
+class Executor:
+    """Executes blocks of words against the state; flow and subprograms are decided elsewhere."""
+
+    def __init__(self, settings: Settings, state: State, variables: Variables, outlet: Outlet) -> None:
+        self._settings, self._state, self._variables, self._outlet = settings, state, variables, outlet
+        self._mover = Mover(settings, state, outlet)
+
+    def execute(self, block: Block) -> list[Word]:
+        """Carry out a block; returns the words that call subprograms. Raises ControlAlarm before anything moves."""
+        request = request_of(block, self._variables, self._settings.accepted_m_codes)
+        calls = self._own_calls(request)
+        self._modes(request)
+        self._feed(request)
+        self._tool(request)
+        self._before_move(request)
+        one_shot = request.code(ModalGroup.ONE_SHOT)
+        if one_shot == "G4":
+            self._dwell(request)
+        elif request.code(ModalGroup.FRAME) is not None:
+            self._mover.finish_spline(None)
+            self._frame(request)
+        else:
+            self._mover.move(request)
+        self._require_used(request)
+        self._after_move(request)
+        return calls
+
+    def finish(self) -> None:
+        """The program has ended: what still waits is completed."""
+        self._mover.finish()
+
+    def _put(self, make: type[canon.Command], request: Request, *values: object) -> None:
+        self._outlet.put(make(request.block.line, request.block.number, *values))
+
+    def _own_calls(self, request: Request) -> list[Word]:
+        calls: list[Word] = []
+        for word in request.calls:
+            if word.address == "MSG":
+                self._message(word, request)
+            elif word.address == "FGROUP":
+                self._feed_group(word)
+            else:
+                calls.append(word)
+        return calls
+
+    def _message(self, word: Word, request: Request) -> None:
+        values = word.arguments
+        if values is None or len(values) > 1:
+            raise ControlAlarm(
+                AlarmNumber.PARAMETERS, 'MSG needs one text; MSG("text") or MSG() is expected', word.column
+            )
+        text = ""
+        if values and values[0] is not None:
+            value = evaluate(values[0], self._variables)
+            text = value if isinstance(value, str) else f"{value:.12g}"
+        if len(text) > _MESSAGE_LIMIT:
+            raise ControlAlarm(AlarmNumber.PARAMETERS, f"MSG is longer than {_MESSAGE_LIMIT} characters", word.column)
+        self._state.message = text
+        self._put(canon.Message, request, text)
+
+    def _feed_group(self, word: Word) -> None:
+        axes: list[int] = []
+        for value in word.arguments or ():
+            if not isinstance(value, Name) or value.name not in AXES:
+                text = "FGROUP names something that is no axis; X, Y or Z is expected"
+                raise ControlAlarm(AlarmNumber.PARAMETERS, text, word.column)
+            axes.append(AXES[value.name])
+        self._state.feed_axes = tuple(axes) if 0 < len(set(axes)) < len(AXES) else None
+
+    def _modes(self, request: Request) -> None:
+        state = self._state
+        for group, attribute in _PLAIN_MODALS:
+            code = request.code(group)
+            if code is not None:
+                setattr(state, attribute, code)
+        area = request.code(ModalGroup.WORKING_AREA)
+        if area is not None:
+            state.is_area_limited = area == "WALIMON"
+        acceleration = request.code(ModalGroup.ACCELERATION)
+        if acceleration is not None and acceleration != state.acceleration:
+            state.acceleration = acceleration
+            self._put(canon.SetJerkLimit, request, acceleration == "SOFT")
+        self._path_mode(request)
+
+    def _path_mode(self, request: Request) -> None:
+        state = self._state
+        factor = INCH_MM if state.is_inch else 1.0
+        distance, tolerance = request.take("ADIS"), request.take("CTOL")
+        if distance is not None:
+            state.rounding_distance_mm = distance * factor
+        if tolerance is not None:
+            state.contour_tolerance_mm = tolerance * factor if tolerance >= 0 else None
+        code = request.code(ModalGroup.PATH_MODE)
+        changes = (distance is not None and state.path_mode == "G641") or (
+            tolerance is not None and state.path_mode not in ("G60", "G64", "G641")
+        )
+        if code is None and not changes:
+            return
+        state.path_mode = code or state.path_mode
+        mode = _MODES.get(state.path_mode, canon.PathMode.ROUNDING_TOLERANCE)
+        by_mode = {
+            canon.PathMode.ROUNDING_DISTANCE: state.rounding_distance_mm,
+            canon.PathMode.ROUNDING_TOLERANCE: state.contour_tolerance_mm,
+        }
+        self._put(canon.SetPathMode, request, mode, by_mode.get(mode))
+
+    def _feed(self, request: Request) -> None:
+        state = self._state
+        feed_type = request.code(ModalGroup.FEED_TYPE)
+        if feed_type is not None and feed_type != state.feed_type:
+            state.feed_type, state.feed = feed_type, None
+        if request.code(ModalGroup.ONE_SHOT) == "G4":
+            return
+        feed = request.take("F")
+        if feed is None:
+            if state.feed_type == "G93":
+                state.feed = None
+            return
+        if feed <= 0:
+            raise ControlAlarm(AlarmNumber.NO_FEED, f"F{feed:g} is no feed; a value above 0 is expected")
+        state.feed = feed
+
+    def _tool(self, request: Request) -> None:
+        state, settings = self._state, self._settings
+        number = request.take("T")
+        if request.tool_name is not None:
+            digits = "".join(filter(str.isdigit, request.tool_name))
+            number = float(digits[:8]) if digits else 0.0
+        if number is not None:
+            if number < 0 or number != int(number):
+                raise ControlAlarm(
+                    AlarmNumber.VALUE_OUT_OF_RANGE, f"T{number:g} is no tool; a whole number is expected"
+                )
+            state.tool_selected = int(number)
+            self._put(canon.SelectTool, request, int(number))
+        if 6 in request.m_codes or (number is not None and not settings.has_tool_changer):
+            state.tool, state.edge = state.tool_selected, 1
+            self._put(canon.ChangeTool, request, state.tool)
+        edge = request.take("D")
+        if edge is not None:
+            if not 0 <= edge <= 9 or edge != int(edge):
+                raise ControlAlarm(AlarmNumber.VALUE_OUT_OF_RANGE, f"D{edge:g} is no edge; D0 to D9 is expected")
+            state.edge = int(edge)
+            self._put(canon.SelectEdge, request, state.edge)
+
+    def _before_move(self, request: Request) -> None:
+        state = self._state
+        if request.code(ModalGroup.FRAME) in ("G25", "G26") or request.code(ModalGroup.ONE_SHOT) == "G4":
+            return
+        speed = request.take("S")
+        if speed is not None:
+            if speed < 0:
+                raise ControlAlarm(AlarmNumber.VALUE_OUT_OF_RANGE, f"S{speed:g} is no speed; 0 or more is expected")
+            state.spindle_rpm = speed
+        turns = [number for number in (3, 4, 5) if number in request.m_codes]
+        if len(turns) > 1:
+            raise ControlAlarm(AlarmNumber.SAME_GROUP, f"M{turns[0]} and M{turns[1]} exclude each other")
+        if turns and turns[0] != 5:
+            state.spindle_direction = 1 if turns[0] == 3 else -1
+        if (turns and turns[0] != 5) or (speed is not None and state.spindle_direction and not turns):
+            self._put(canon.Spindle, request, state.spindle_direction * self._limited_speed())
+        if 7 in request.m_codes or 8 in request.m_codes:
+            state.is_mist |= 7 in request.m_codes
+            state.is_flood |= 8 in request.m_codes
+            self._put(canon.Coolant, request, state.is_flood, state.is_mist)
+
+    def _limited_speed(self) -> float:
+        state = self._state
+        upper = min(state.spindle_max_rpm or self._settings.spindle_max_rpm, self._settings.spindle_max_rpm)
+        return min(max(state.spindle_rpm, state.spindle_min_rpm), upper)
+
+    def _after_move(self, request: Request) -> None:
+        state = self._state
+        if 5 in request.m_codes:
+            state.spindle_direction = 0
+            self._put(canon.Spindle, request, 0.0)
+        if 9 in request.m_codes:
+            state.is_flood = state.is_mist = False
+            self._put(canon.Coolant, request, False, False)
+        for number in (0, 1):
+            if number in request.m_codes:
+                self._put(canon.Stop, request, number == 1)
+
+    def _dwell(self, request: Request) -> None:
+        seconds, turns = request.take("F"), request.take("S")
+        if (seconds is None) == (turns is None):
+            raise ControlAlarm(AlarmNumber.PARAMETERS, "G4 needs F with seconds or S with turns", None)
+        if turns is not None:
+            speed = self._limited_speed() if self._state.spindle_direction else 0.0
+            if speed == 0.0:
+                raise ControlAlarm(
+                    AlarmNumber.NO_SPINDLE, "G4 S waits for turns of a spindle that stands; M3 is expected"
+                )
+            seconds = turns / speed * 60.0
+        assert seconds is not None
+        if seconds < 0:
+            raise ControlAlarm(AlarmNumber.VALUE_OUT_OF_RANGE, f"G4 waits {seconds:g} s; 0 or more is expected")
+        self._put(canon.Dwell, request, seconds)
+
+    def _frame(self, request: Request) -> None:
+        code = request.code(ModalGroup.FRAME)
+        assert code is not None
+        if code in ("G25", "G26"):
+            program_limits(code, request, self._state)
+        else:
+            program_frame(code, request, self._state)
+
+    def _require_used(self, request: Request) -> None:
+        left = request.leftover()
+        if left is not None:
+            name, column = left
+            text = f"{name} has no meaning in this block; a code that uses it is expected"
+            raise ControlAlarm(AlarmNumber.BLOCK_NOT_INTERPRETABLE, text, column)
+
+
+def text_argument(word: Word, variables: Variables) -> str:
+    """The single text of a call such as EXTCALL("name")."""
+    values = word.arguments or ()
+    value = values[0] if len(values) == 1 else None
+    text = value.value if isinstance(value, Text) else evaluate(value, variables) if value is not None else None
+    if not isinstance(text, str):
+        raise ControlAlarm(AlarmNumber.PARAMETERS, f'{word.address} needs a name; ("NAME") is expected', word.column)
+    return text

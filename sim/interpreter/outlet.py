@@ -1,0 +1,48 @@
+"""The order of canonical commands while some of them wait: a slot keeps the place of spans not yet determined."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sim.interpreter.canon import Command
+
+
+@dataclass(slots=True)
+class Slot:
+    """A place in the order; `commands` is None until it is filled."""
+
+    commands: Sequence[Command] | None = None
+
+
+class Outlet:
+    """Commands in the order of their blocks; nothing overtakes a slot that is still empty."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Command | Slot] = deque()
+
+    def put(self, command: Command) -> None:
+        """Add a command that is complete."""
+        self._waiting.append(command)
+
+    def reserve(self) -> Slot:
+        """Keep a place; set the slot's commands when they are known, to an empty list if there are none."""
+        slot = Slot()
+        self._waiting.append(slot)
+        return slot
+
+    def drain(self) -> list[Command]:
+        """All commands before the first empty slot, which leave the outlet."""
+        ready: list[Command] = []
+        waiting = self._waiting
+        while waiting:
+            first = waiting[0]
+            if isinstance(first, Slot):
+                if first.commands is None:
+                    break
+                ready.extend(first.commands)
+            else:
+                ready.append(first)
+            waiting.popleft()
+        return ready

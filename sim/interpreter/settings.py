@@ -1,0 +1,66 @@
+"""What the interpreter needs to know about the control beside the program; every key has a default."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from types import MappingProxyType
+
+from sim.interpreter.canon import Vector
+
+
+class KnotRule(Enum):
+    """How PL words of BSPLINE blocks give knots: in the block of the leg's end, or one block earlier (cubics)."""
+
+    NX = "nx"
+    GENUA = "genua"
+
+
+class G28(Enum):
+    """What G28, an ISO-dialect code, does in a SINUMERIK program."""
+
+    ISO = "iso"
+    ALARM = "alarm"
+    IGNORE = "ignore"
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """One tool of the table: the radius that G41 and G42 compensate."""
+
+    radius_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The control's side of interpreting.
+
+    Canonical positions are machine positions minus the offset of `reference_offset`, so they are work coordinates
+    while that offset is active, and stay continuous when another one is. `work_offsets_mm` gives machine positions of
+    the work origins (default zero). `start_mm` is where the machine stands before the first block, in canonical
+    coordinates. `skip_levels` are the levels selected at the panel. `backward_jump_alarm` is what a drip-fed program
+    raises when it jumps back. The limits at the end bound every loop, call and spline.
+    """
+
+    knot_rule: KnotRule = KnotRule.NX
+    g28: G28 = G28.ISO
+    skip_levels: frozenset[int] = frozenset()
+    is_drip_fed: bool = False
+    subprogram_folder: Path | None = None
+    tools: Mapping[int, Tool] = field(default_factory=lambda: MappingProxyType({}))
+    has_tool_changer: bool = True
+    reference_offset: str = "G54"
+    work_offsets_mm: Mapping[str, Vector] = field(default_factory=lambda: MappingProxyType({}))
+    reference_point_mm: Vector = (0.0, 0.0, 0.0)
+    fixed_points_mm: Mapping[int, Vector] = field(default_factory=lambda: MappingProxyType({}))
+    start_mm: Vector = (0.0, 0.0, 500.0)
+    spindle_max_rpm: float = 100_000.0
+    arc_tolerance_mm: float = 0.01
+    accepted_m_codes: frozenset[int] = frozenset()
+    backward_jump_alarm: int = 14000
+    r_parameters: int = 1000
+    max_jumps: int = 200_000
+    max_call_depth: int = 11
+    max_array_elements: int = 10_000

@@ -1,0 +1,72 @@
+"""The modal state of the control between two blocks: one small record per channel, copied for every snapshot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from sim.interpreter.canon import Vector
+from sim.interpreter.frames import Frame
+
+INCH_MM = 25.4
+
+
+@dataclass(slots=True)
+class State:
+    """What earlier blocks left behind; codes are spelled as the language does.
+
+    `position_mm` is canonical (work coordinates of the reference offset). `feed` is the F word in the unit of
+    `feed_type`; None until one is programmed. `spindle_direction` is +1 (M3), -1 (M4) or 0. `tangent` is the unit
+    direction at the end of the last cutting move, for CT and BTAN. `spline_start` and `spline_end` are group 19 and
+    20. `feed_axes` are the axes of FGROUP, None for all.
+    """
+
+    position_mm: Vector
+    motion: str = "G1"
+    plane: str = "G17"
+    dimension: str = "G90"
+    units: str = "G71"
+    feed_type: str = "G94"
+    feed: float | None = None
+    work_offset: str = "G500"
+    frame: Frame = field(default_factory=Frame)
+    path_mode: str = "G64"
+    rounding_distance_mm: float = 0.0
+    contour_tolerance_mm: float | None = None
+    compensation: str = "G40"
+    corner: str = "G450"
+    feed_correction: str = "CFC"
+    acceleration: str = "BRISK"
+    spline_start: str = "BTAN"
+    spline_end: str = "ETAN"
+    spline_degree: int = 3
+    feed_axes: tuple[int, ...] | None = None
+    tool_selected: int = 0
+    tool: int = 0
+    edge: int = 1
+    spindle_rpm: float = 0.0
+    spindle_direction: int = 0
+    is_flood: bool = False
+    is_mist: bool = False
+    area_min_mm: tuple[float | None, float | None, float | None] = (None, None, None)
+    area_max_mm: tuple[float | None, float | None, float | None] = (None, None, None)
+    is_area_limited: bool = True
+    spindle_min_rpm: float = 0.0
+    spindle_max_rpm: float = 0.0
+    tangent: Vector | None = None
+    message: str = ""
+    is_ended: bool = False
+
+    @property
+    def is_inch(self) -> bool:
+        """Whether dimensions are inches (G70, G700)."""
+        return self.units in ("G70", "G700")
+
+    @property
+    def is_feed_inch(self) -> bool:
+        """Whether feeds are inches too (G700)."""
+        return self.units == "G700"
+
+    @property
+    def plane_axes(self) -> tuple[int, int, int]:
+        """Indices of the first and second axis of the working plane, and of its normal."""
+        return {"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)}[self.plane]

@@ -1,0 +1,96 @@
+"""Directions and extents of canonical motions: where they leave and arrive, and the box they stay in."""
+
+from __future__ import annotations
+
+import math
+
+from sim.interpreter.canon import Arc, Motion, Polynomial, Vector
+from sim.interpreter.frames import add, cross, dot, norm, scaled, subtract
+from sim.interpreter.moves import curve_point
+
+
+def start_tangent(motion: Motion) -> Vector | None:
+    """Unit direction in which the motion leaves its start, or None where it does not move."""
+    if isinstance(motion, Arc):
+        return _arc_tangent(motion, motion.start, 0.0)
+    if isinstance(motion, Polynomial):
+        return _unit(curve_derivative(motion, 0.0)) or _unit(
+            subtract(curve_point(motion.coefficients, motion.denominator, 1e-3 * motion.length), motion.start)
+        )
+    return _unit(subtract(motion.end, motion.start))
+
+
+def end_tangent(motion: Motion) -> Vector | None:
+    """Unit direction in which the motion arrives at its end, or None where it does not move."""
+    if isinstance(motion, Arc):
+        return _arc_tangent(motion, motion.end, motion.sweep_rad)
+    if isinstance(motion, Polynomial):
+        before = curve_point(motion.coefficients, motion.denominator, (1 - 1e-3) * motion.length)
+        return _unit(curve_derivative(motion, motion.length)) or _unit(subtract(motion.end, before))
+    return _unit(subtract(motion.end, motion.start))
+
+
+def curve_derivative(motion: Polynomial, p: float) -> Vector:
+    """dc/dp of a polynomial motion, rational ones by the quotient rule."""
+    value = curve_point(motion.coefficients, (1.0,), p)
+    slope = (0.0, 0.0, 0.0)
+    for power in range(len(motion.coefficients) - 1, 0, -1):
+        slope = add(scaled(slope, p), scaled(motion.coefficients[power], float(power)))
+    weight = sum(term * p**power for power, term in enumerate(motion.denominator))
+    weight_slope = sum(power * term * p ** (power - 1) for power, term in enumerate(motion.denominator) if power)
+    return scaled(subtract(scaled(slope, weight), scaled(value, weight_slope)), 1.0 / weight**2)
+
+
+def extent(motion: Motion) -> tuple[Vector, Vector]:
+    """Lowest and highest coordinates of the motion; polynomials by 33 points and their ends."""
+    points = [motion.start, motion.end]
+    if isinstance(motion, Polynomial):
+        steps = [motion.length * step / 32 for step in range(1, 32)]
+        points += [curve_point(motion.coefficients, motion.denominator, p) for p in steps]
+    elif isinstance(motion, Arc):
+        points += _arc_extremes(motion)
+    low, high = [min(values) for values in zip(*points, strict=True)], [max(v) for v in zip(*points, strict=True)]
+    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+
+
+def point_on_arc(arc: Arc, angle_rad: float) -> Vector:
+    """The point of an arc after turning through `angle_rad` from its start."""
+    radial, rise = _radial(arc)
+    side = cross(arc.axis, radial)
+    flat = add(scaled(radial, math.cos(angle_rad)), scaled(side, math.sin(angle_rad)))
+    foot = subtract(arc.start, radial)
+    return add(add(foot, flat), scaled(arc.axis, rise * angle_rad / arc.sweep_rad))
+
+
+def _radial(arc: Arc) -> tuple[Vector, float]:
+    """The radius vector at the start, square to the axis, and the rise along the axis over the whole arc."""
+    out = subtract(arc.start, arc.centre)
+    radial = subtract(out, scaled(arc.axis, dot(out, arc.axis)))
+    return radial, dot(subtract(arc.end, arc.start), arc.axis)
+
+
+def _arc_extremes(arc: Arc) -> list[Vector]:
+    radial, _ = _radial(arc)
+    side = cross(arc.axis, radial)
+    found = []
+    for index in range(3):
+        angle = math.atan2(side[index], radial[index])
+        for turn in range(-1, math.ceil(arc.sweep_rad / math.pi) + 1):
+            at = angle + turn * math.pi
+            if 0.0 < at < arc.sweep_rad:
+                found.append(point_on_arc(arc, at))
+            if len(found) > 64:
+                return found
+    return found
+
+
+def _arc_tangent(arc: Arc, point: Vector, angle_rad: float) -> Vector | None:
+    radial, rise = _radial(arc)
+    out = subtract(point, arc.centre) if angle_rad else radial
+    flat = cross(arc.axis, subtract(out, scaled(arc.axis, dot(out, arc.axis))))
+    return _unit(add(flat, scaled(arc.axis, rise / arc.sweep_rad)))
+
+
+def _unit(a: Vector) -> Vector | None:
+    size = norm(a)
+    return scaled(a, 1.0 / size) if size > 1e-12 else None
