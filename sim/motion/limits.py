@@ -1,0 +1,97 @@
+"""How fast a piece of path may be driven: axis speeds, accelerations and jerks turned into limits along the path.
+
+With r(s) by arc length, axis k moves with r'_k v, accelerates with r'_k a + r''_k v^2 and jerks with r'_k j +
+3 r''_k v a + r'''_k v^3. Curvature gets a share of each limit, motion along the path what is left of it, so that the
+sum holds on every axis at every moment. Derivation: sim/motion/MODEL.md, section 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.profile import MillProfile
+
+Array = NDArray[np.float64]
+
+OVERRIDE_TOP = 1.2
+"""The largest feed override; limits along the path are laid out for it, so that turning the switch is always safe."""
+
+_TINY = 1e-300
+
+
+@dataclass(frozen=True, slots=True)
+class AxisLimits:
+    """Per axis, shape (3,): speed mm/s, acceleration mm/s2, jerk mm/s3; and the interpolator's cycle in s."""
+
+    speed: Array
+    acceleration: Array
+    jerk: Array
+    cycle_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """What curvature may use of the axis limits; the rest is for motion along the path."""
+
+    acceleration: float = 0.7
+    jerk: float = 0.4
+    coupling: float = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class PieceLimits:
+    """Along the path, (n,) each: speed cap mm/s without regard to the feed, acceleration mm/s2, jerk mm/s3."""
+
+    speed: Array
+    acceleration: Array
+    jerk: Array
+
+
+def axis_limits(profile: MillProfile, cycle_s: float) -> AxisLimits:
+    """The limits of this machine as arrays."""
+    return AxisLimits(
+        speed=np.array([axis.rapid_mm_s for axis in profile.axes]),
+        acceleration=np.array([axis.acceleration_mm_s2 for axis in profile.axes]),
+        jerk=np.array([axis.jerk_mm_s3 for axis in profile.axes]),
+        cycle_s=cycle_s,
+    )
+
+
+def straight_limits(direction: Array, axes: AxisLimits) -> PieceLimits:
+    """Limits of straight pieces with unit directions (n, 3)."""
+    share = np.maximum(np.abs(direction), 1e-12)
+    return PieceLimits(
+        speed=np.min(axes.speed / share, axis=1),
+        acceleration=np.min(axes.acceleration / share, axis=1),
+        jerk=np.min(axes.jerk / share, axis=1),
+    )
+
+
+def curved_limits(
+    first: Array, second: Array, third: Array, feed_mm_s: Array, axes: AxisLimits, shares: Shares
+) -> PieceLimits:
+    """Limits of curved pieces from bounds (n, 3) on |r'|, |r''|, |r'''| of each axis, and their feeds (n,)."""
+    first = np.maximum(first, 1e-12)
+    cap = np.min(axes.speed / first, axis=1)
+    cap = np.minimum(cap, np.min(np.sqrt(shares.acceleration * axes.acceleration / np.maximum(second, _TINY)), axis=1))
+    cap = np.minimum(cap, np.min(np.cbrt(shares.jerk * axes.jerk / np.maximum(third, _TINY)), axis=1))
+    v = np.minimum(cap, OVERRIDE_TOP * feed_mm_s)[:, None]
+    acceleration = np.min((axes.acceleration - second * v**2) / first, axis=1)
+    coupled = np.min(shares.coupling * axes.jerk / np.maximum(3.0 * second * v, _TINY), axis=1)
+    acceleration = np.minimum(acceleration, coupled)
+    rest = axes.jerk - third * v**3 - 3.0 * second * v * acceleration[:, None]
+    return PieceLimits(speed=cap, acceleration=acceleration, jerk=np.min(rest / first, axis=1))
+
+
+def bend_speed(bend: Array, jump: Array, axes: AxisLimits, knee_mm_s: Array) -> Array:
+    """Speed (n,) through joins where the direction changes by `bend` (n, 3) and r'' by `jump` (n, 3), 1/mm.
+
+    A bend steps the speed of axis k by v bend_k, at most `knee_mm_s` (3,); a jump of curvature steps its acceleration
+    by v^2 jump_k, at most what the axis' jerk makes in one cycle.
+    """
+    knee = np.min(knee_mm_s / np.maximum(np.abs(bend), _TINY), axis=1)
+    step = axes.jerk * axes.cycle_s
+    return np.asarray(np.minimum(knee, np.min(np.sqrt(step / np.maximum(np.abs(jump), _TINY)), axis=1)))

@@ -1,0 +1,98 @@
+"""The motion log as it grows: samples on whole steps, standstills with their reasons."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.interpreter.canon import Vector
+from sim.motion.values import Samples, StandStill, StopReason
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class Recorder:
+    """Keeps the clock in steps, the samples not yet taken, and every standstill since the start."""
+
+    def __init__(self, step_s: float) -> None:
+        self.step = 0
+        self.line = 0
+        self.block: int | None = None
+        self.is_new = True
+        self._step_s = step_s
+        self._chunks: list[Samples] = []
+        self._stands: list[StandStill] = []
+        self._open: StandStill | None = None
+
+    @property
+    def reason(self) -> StopReason | None:
+        """Why the machine stands now, or None."""
+        return None if self._open is None else self._open.reason
+
+    def at(self, line: int, block: int | None) -> None:
+        """What is done now stands on this line."""
+        self.line, self.block = line, block
+
+    def move(self, points: Array, feeds_mm_min: Array, lines: Indices, blocks: Indices) -> None:
+        """Log steps of motion."""
+        self.is_new = False
+        self._append(points, feeds_mm_min, lines, blocks)
+        self.at(int(lines[-1]), None if blocks[-1] < 0 else int(blocks[-1]))
+
+    def stand(self, steps: int, position: Vector) -> None:
+        """Log steps at rest."""
+        block = -1 if self.block is None else self.block
+        self._append(
+            np.tile(np.array(position), (steps, 1)),
+            np.zeros(steps),
+            np.full(steps, self.line, dtype=np.int64),
+            np.full(steps, block, dtype=np.int64),
+        )
+
+    def skip_to(self, step: int) -> None:
+        """Let time pass without samples."""
+        self.step = max(self.step, step)
+
+    def begin_stand(self, reason: StopReason, position: Vector) -> None:
+        """From now on the machine stands for this reason."""
+        if self._open is not None and self._open.reason is reason:
+            return
+        self.end_stand()
+        self._open = StandStill(self.step * self._step_s, 0.0, reason, position, self.line, self.block)
+
+    def end_stand(self) -> None:
+        """The reason is gone."""
+        if self._open is not None:
+            self._stands.append(self._so_far(self._open))
+            self._open = None
+
+    def stands(self) -> list[StandStill]:
+        """Every standstill, the present one with the time so far."""
+        return self._stands + ([] if self._open is None else [self._so_far(self._open)])
+
+    def take(self) -> Samples:
+        """What was logged since the last call."""
+        chunks, self._chunks = self._chunks, []
+        if not chunks:
+            none = np.zeros(0, dtype=np.int64)
+            return Samples(np.zeros(0), np.zeros((0, 3)), np.zeros(0), none, none)
+        if len(chunks) == 1:
+            return chunks[0]
+        return Samples(
+            np.concatenate([chunk.t_s for chunk in chunks]),
+            np.concatenate([chunk.position_mm for chunk in chunks]),
+            np.concatenate([chunk.feed_mm_min for chunk in chunks]),
+            np.concatenate([chunk.line for chunk in chunks]),
+            np.concatenate([chunk.block for chunk in chunks]),
+        )
+
+    def _append(self, points: Array, feeds: Array, lines: Indices, blocks: Indices) -> None:
+        times = (self.step + 1 + np.arange(len(points))) * self._step_s
+        self._chunks.append(Samples(times, points, feeds, lines, blocks))
+        self.step += len(points)
+
+    def _so_far(self, stand: StandStill) -> StandStill:
+        return replace(stand, duration_s=self.step * self._step_s - stand.t_s)

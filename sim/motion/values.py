@@ -1,0 +1,140 @@
+"""What the moving machine tells: samples of its log, a snapshot, the stops it made and why.
+
+Positions are of the programmed point in work coordinates, mm; the clock is the machine's own, s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.interpreter.canon import Vector
+
+Array = NDArray[np.float64]
+
+
+class MachineState(Enum):
+    """What the machine is doing, as its operator would say it."""
+
+    READY = "ready"
+    ACTIVE = "active"
+    FEED_HOLD = "feed hold"
+    PROGRAM_STOPPED = "program stopped"
+    OPTIONAL_STOP = "optional stop"
+    SINGLE_BLOCK = "single block"
+    ALARM = "alarm"
+    COMPLETED = "completed"
+
+
+class StopReason(Enum):
+    """Why the axes stood still; a stop without one of these would be a fault of the model."""
+
+    EXACT_STOP = "exact stop"
+    CORNER = "corner that cannot be rounded"
+    LATE = "block came too late to pass without a stop"
+    DWELL = "dwell"
+    SPINDLE = "spindle"
+    TOOL_CHANGE = "tool change"
+    PROGRAM_STOP = "program stop"
+    OPTIONAL_STOP = "optional stop"
+    SINGLE_BLOCK = "single block"
+    FEED_HOLD = "feed hold"
+    OVERRIDE = "override at zero"
+    STARVED = "no blocks from the line"
+    ALARM = "alarm"
+    RESET = "reset"
+    END = "end of program"
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """A stretch of the motion log: (n,) times s, (n, 3) positions mm, (n,) path feeds mm/min, (n,) lines, (n,) blocks.
+
+    Times lie on whole steps of the machine; while it waits for somebody (blocks, cycle start) it gives none. A block
+    without a number is -1.
+    """
+
+    t_s: Array
+    position_mm: Array
+    feed_mm_min: Array
+    line: NDArray[np.int64]
+    block: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class StarvedInterval:
+    """The machine stood in cycle because no block had arrived: when, how long, where, after which block."""
+
+    t_s: float
+    duration_s: float
+    position_mm: Vector
+    line: int
+    block: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class StandStill:
+    """The axes stood from `t_s` on for `duration_s`, for this reason, after this block."""
+
+    t_s: float
+    duration_s: float
+    reason: StopReason
+    position_mm: Vector
+    line: int
+    block: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Rounding:
+    """One corner as it was rounded: how far the path left the programmed one, where, before which line."""
+
+    deviation_mm: float
+    corner_mm: Vector
+    line: int
+    block: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class MachineSnapshot:
+    """The machine at this moment; `distance_to_go_mm` is end of block minus position, axis by axis."""
+
+    time_s: float
+    position_mm: Vector
+    distance_to_go_mm: Vector
+    feed_mm_min: float
+    line: int
+    block: int | None
+    state: MachineState
+    is_starved: bool
+    is_moving: bool
+    tool: int
+    spindle_rpm: float
+    is_flood: bool
+    is_mist: bool
+    override_percent: float
+    is_single_block: bool
+    blocks_done: int
+    blocks_queued: int
+    message: str
+    alarm: str
+
+
+@dataclass(frozen=True, slots=True)
+class MachineTimes:
+    """What the profile does not say: auxiliary times in s, the servo loop, and how a corner may be taken.
+
+    `servo_gain_per_s` and `exact_stop_mm` give the time an exact stop waits for the axes to arrive (G601 fine);
+    3.5 (m/min)/mm and 0.01 mm are one real machine's. `overload` is the control's factor for a speed step in a corner
+    passed without rounding (MD32310, preset 1.2); `rounding_mm` the tolerance of G642 and the distance of G641 where
+    the program names none.
+    """
+
+    tool_change_s: float = 4.0
+    spindle_start_s: float = 1.0
+    servo_gain_per_s: float = 3500.0 / 60.0
+    exact_stop_mm: float = 0.01
+    overload: float = 1.2
+    rounding_mm: float = 0.01
