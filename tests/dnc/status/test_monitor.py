@@ -1,0 +1,149 @@
+"""The monitor against real Modbus servers: dead, silent, frozen, returned; and the guard on the wire."""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator, Callable
+
+import pytest
+from pymodbus.client import AsyncModbusTcpClient
+
+from dnc.errors import SettingsRejected
+from dnc.profile import Modbus
+from dnc.status import monitor as monitor_module
+from dnc.status.ledger import MachineStatus, Quality
+from dnc.status.monitor import StatusMonitor, WriteRefused, modbus_of
+from sim.control import Execution
+from sim.endpoint_modbus import ModbusEnd
+from sim.panel import Panel
+
+
+@contextlib.asynccontextmanager
+async def watching(port: int) -> AsyncIterator[StatusMonitor]:
+    monitor = StatusMonitor(Modbus(port=port))
+    task = asyncio.create_task(monitor.run())
+    try:
+        yield monitor
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+async def until(monitor: StatusMonitor, wanted: Callable[[MachineStatus], bool], within_s: float) -> float:
+    """How long it took until the status was as wanted."""
+    begun_s = time.monotonic()
+    while not wanted(monitor.status()):
+        assert time.monotonic() - begun_s < within_s, monitor.status()
+        await monitor.wait_for_poll(0.05)
+    return time.monotonic() - begun_s
+
+
+def mill(port: int = 0, panel: Panel | None = None) -> ModbusEnd:
+    end = ModbusEnd("127.0.0.1", port, lambda: panel or Panel(execution=Execution.ACTIVE, block=120))
+    end.start()
+    return end
+
+
+async def test_it_reads_the_mill_and_sees_it_die_and_come_back() -> None:
+    """(2.1): dead within 2 s, back within 10 s."""
+    end = mill()
+    async with watching(end.port) as monitor:
+        await until(monitor, lambda status: status.value("execution") == "ACTIVE", 2.0)
+        assert monitor.status().value("block") == 120
+        await asyncio.to_thread(end.stop)
+        seen_s = await until(monitor, lambda status: status.readings["block"].quality is Quality.STALE, 2.0)
+        assert seen_s < 2.0
+        again = mill(end.port)
+        back_s = await until(monitor, lambda status: status.value("block") == 120, 10.0)
+        assert back_s < 10.0
+        await asyncio.to_thread(again.stop)
+
+
+async def test_a_silent_device_is_seen_within_two_seconds() -> None:
+    """(2.1, M1): it takes the connection and never answers."""
+
+    async def swallow(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(ConnectionError):
+            await reader.read()
+        writer.close()
+
+    server = await asyncio.start_server(swallow, "127.0.0.1", 0)
+    async with server, watching(server.sockets[0].getsockname()[1]) as monitor:
+        await until(monitor, lambda status: "no answer" in status.problem, 2.0)
+        assert not monitor.status().is_available
+
+
+async def test_values_of_a_control_without_power_are_bad() -> None:
+    """(2.1, C9)"""
+    end = ModbusEnd("127.0.0.1", 0, lambda: None)
+    end.start()
+    async with watching(end.port) as monitor:
+        await until(monitor, lambda status: status.readings["execution"].quality is Quality.BAD, 2.0)
+        assert "device failure" in monitor.status().readings["execution"].problem
+    await asyncio.to_thread(end.stop)
+
+
+async def test_a_write_never_leaves() -> None:
+    """(2.1, M10): the guard raises, and the server's trace has seen no packet."""
+    end = mill()
+    client = AsyncModbusTcpClient(
+        "127.0.0.1", port=end.port, timeout=0.5, retries=0, reconnect_delay=0, trace_packet=monitor_module._reads_only
+    )
+    assert await client.connect()
+    assert not (await client.read_input_registers(0, count=64)).isError()
+    with pytest.raises(WriteRefused, match="function 6"):
+        await client.write_register(0, 1)
+    with pytest.raises(WriteRefused, match="function 15"):
+        await client.write_coils(0, [True])
+    client.close()
+    await asyncio.to_thread(end.stop)
+
+
+async def test_nothing_of_the_mill_is_writable() -> None:
+    """(2.1, M10)"""
+    end = mill()
+    client = AsyncModbusTcpClient("127.0.0.1", port=end.port, timeout=0.5, retries=0, reconnect_delay=0)
+    assert await client.connect()
+    before = (await client.read_input_registers(10, count=6)).registers
+    for write in (
+        client.write_coil(0, True),
+        client.write_coils(0, [True]),
+        client.write_register(0, 1),
+        client.write_registers(10, [1, 2]),
+        client.readwrite_registers(read_address=0, read_count=1, write_address=0, values=[1]),
+        client.mask_write_register(address=0, and_mask=0, or_mask=0xFFFF),
+    ):
+        assert (await write).isError()
+    assert (await client.read_coils(0)).isError()
+    assert (await client.read_holding_registers(0)).isError()
+    assert (await client.read_input_registers(10, count=6)).registers == before
+    client.close()
+    await asyncio.to_thread(end.stop)
+
+
+async def test_garbage_on_the_port_does_not_stop_the_mill() -> None:
+    """(2.1, M12)"""
+    end = mill()
+    for garbage in (b"\0" * 400, b"GET / HTTP/1.1\r\n\r\n", b"\0\1\0\0\xff\xff\1\4" + b"\xff" * 300, b"\0\1\0\0\0\2\1"):
+        _, writer = await asyncio.open_connection("127.0.0.1", end.port)
+        writer.write(garbage)
+        await writer.drain()
+        writer.close()
+    async with watching(end.port) as monitor:
+        await until(monitor, lambda status: status.value("execution") == "ACTIVE", 2.0)
+    await asyncio.to_thread(end.stop)
+
+
+def test_an_address_that_is_taken_is_one_sentence() -> None:
+    """(2.7)"""
+    end = mill()
+    with pytest.raises(SettingsRejected, match="cannot listen there"):
+        mill(end.port)
+    end.stop()
+
+
+@pytest.mark.parametrize("address", ["here", ":5020", "host:", "host:x", "host:70000"])
+def test_an_address_that_is_none(address: str) -> None:
+    """(2.7)"""
+    with pytest.raises(SettingsRejected, match="is not HOST:PORT"):
+        modbus_of(Modbus(), address)
