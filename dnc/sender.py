@@ -46,7 +46,7 @@ class Sender:
         self.tally = Tally(byte_s=clock.pace.byte_s)
         self._listener = Listener(rules.xon, rules.xoff)
         self._suspicion = Suspicion(tape)
-        self._is_held_by_peer = False
+        self._is_held_by_peer = self._has_early_xon = False
         self._stop_at: int | None = None
         self._since_s = -math.inf
         self._is_hold_warned = False
@@ -88,7 +88,8 @@ class Sender:
     def start(self, now_s: float) -> list[Event]:
         """The operator's start: send at once, or wait for the control's first XON."""
         if self.rules.waits_for_xon:
-            return self._move(Cause.START_AND_WAIT, now_s)
+            events = self._move(Cause.START_AND_WAIT, now_s)
+            return events + (self._move(Cause.XON, now_s) if self._has_early_xon else [])
         events = self._move(Cause.START, now_s)
         return events + (self._move(Cause.XOFF, now_s) if self._is_held_by_peer else [])
 
@@ -123,6 +124,8 @@ class Sender:
 
     def hear(self, data: bytes, now_s: float) -> list[Event]:
         """What the control sent, as events; XON and XOFF take effect here."""
+        if self.is_over:
+            return []
         if not self.rules.hears_xoff:
             return self._noise(data, now_s)
         events: list[Event] = []
@@ -204,6 +207,9 @@ class Sender:
             events = self._move(Cause.XON, now_s)
             if events:
                 return events
+            if self.state is JobState.LOADED:
+                self._has_early_xon = True
+                return []
             self.tally.unasked_xon_count += 1
             return self._suspicion.unasked_xon(now_s, self.offset_bytes)
         self._is_held_by_peer = False
@@ -263,6 +269,8 @@ class Sender:
             count = min(count, self._stop_at - at)
         if at < end.whole_from < at + count < end.whole_to:
             count = end.whole_from - at
+        elif at == end.whole_from and count < self._wanted_bytes():
+            return b""
         return self.tape.read(at, count)
 
     def _delay_after_block(self, chunk: bytes) -> None:

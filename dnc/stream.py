@@ -24,6 +24,7 @@ from dnc.sender import Sender
 _HOUSEKEEPING_S = 1.0
 _LEAVE_S = 2.0
 _STUCK_S = 0.05
+_DRAIN_S = 2.0
 _FLOW_POLL_S = 0.002
 _SLEEP_LIMIT_S = 5.0
 Sink = Callable[[Event], None]
@@ -105,9 +106,10 @@ class Stream:
             self._watch_flow(now_s)
         if sender.state is JobState.SENDING:
             self._send(now_s)
-        events = sender.tick(now_s)
-        if events:
-            self._report(events)
+        if sender.state is not JobState.DRAINING or self._is_drained(now_s):
+            events = sender.tick(now_s)
+            if events:
+                self._report(events)
         if now_s >= self._housekeep_at_s:
             self._housekeep(now_s)
 
@@ -165,6 +167,17 @@ class Stream:
         if self._is_full:
             sender.give_back(len(chunk) - accepted)
         self.journal.note(sender.offset_bytes, sender.state)
+
+    def _is_drained(self, now_s: float) -> bool:
+        """Whether the system's queue is empty, or will not empty because the control has stopped reading."""
+        queued = self.port.queued_bytes()
+        if not queued:
+            return True
+        self._retry_at_s = now_s + _FLOW_POLL_S
+        if now_s < self.sender.clock.idle_at_s + _DRAIN_S:
+            return False
+        self.sender.note = f"the control stopped reading; {queued} bytes were still in the system's queue"
+        return True
 
     def _watch_flow(self, now_s: float) -> None:
         """Where no XOFF can be read: a modem line, or a driver that takes nothing more, says that the control holds."""

@@ -12,7 +12,7 @@ _WINDOW_S = 60.0
 _NOISE_WARNING_BYTES = 10
 _NOISE_LIMIT_BYTES = 100
 _BREAK_BYTES = 8
-_UNASKED_XON = 5
+_UNASKED_XON = 20
 _ECHO_BYTES = 8
 _ECHO_REACH_BYTES = 512
 
@@ -61,7 +61,7 @@ class Suspicion:
         return None
 
     def unasked_xon(self, now_s: float, offset_bytes: int) -> list[Event]:
-        """Count an XON that nobody waited for; the warning at the fifth in a minute."""
+        """Count an XON that nobody waited for; the warning at the twentieth in a minute."""
         self._xons.append(now_s)
         while self._xons[0] < now_s - _WINDOW_S:
             self._xons.popleft()

@@ -1,0 +1,51 @@
+"""The byte clock (5.2)."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dnc.pacing import ByteClock, Pace
+
+
+@given(
+    steps=st.lists(st.tuples(st.floats(0, 0.02), st.integers(1, 9)), max_size=60),
+    inflight=st.integers(1, 9),
+    lag_s=st.floats(0, 0.001),
+)
+def test_never_more_in_flight_than_allowed(steps: list[tuple[float, int]], inflight: int, lag_s: float) -> None:
+    """(5.2) Against a line that really starts `lag_s` late: what it has not finished never exceeds the bound."""
+    byte_s = 0.001
+    clock = ByteClock(Pace(byte_s, inflight, lag_s, slack=0.0))
+    now_s, free_s = 0.0, 0.0
+    for wait_s, wanted in steps:
+        now_s += wait_s
+        count = min(wanted, clock.room_bytes(now_s))
+        if count:
+            clock.note(count, now_s)
+            free_s = max(free_s, now_s + lag_s) + count * byte_s
+        assert (free_s - now_s - lag_s) / byte_s <= inflight + 1e-6
+        assert clock.inflight_bytes(now_s) <= inflight + (lag_s > 0)
+
+
+def test_the_line_is_kept_busy_by_refills_in_time() -> None:
+    """(5.2) Refilled at the asked-for moments, the clock's line never falls silent."""
+    clock = ByteClock(Pace(0.001, 3, 0.0, slack=0.0))
+    now_s, sent = 0.0, 0
+    while now_s < 1.0:
+        room = clock.room_bytes(now_s)
+        clock.note(room, now_s)
+        sent += room
+        now_s = clock.refill_at_s() + 1e-9
+    assert sent >= 1000
+
+
+def test_delays_and_given_back_bytes() -> None:
+    """(5.3) Character and line delays stretch the clock; bytes that were not accepted free it again."""
+    clock = ByteClock(Pace(0.001, 3, 0.0, slack=0.0, char_delay_s=0.009))
+    clock.note(3, 0.0)
+    assert clock.inflight_bytes(0.0) == 3
+    assert abs(clock.idle_at_s - 0.03) < 1e-12
+    clock.take_back(2)
+    clock.delay(0.5)
+    assert abs(clock.idle_at_s - 0.51) < 1e-12

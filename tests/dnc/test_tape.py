@@ -1,0 +1,186 @@
+"""The tape: framing, block ends, refusals with line and column, line look-up (5.4, 5.6)."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import resource
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dnc import profile, spool
+from dnc.errors import InputRejected, SettingsRejected
+from dnc.framing import escaped_bytes
+from dnc.spool import load_tape
+from tests.helpers.line import tape_of
+
+
+def whole(tape: object) -> bytes:
+    return tape.peek(0, tape.size_bytes)  # type: ignore[attr-defined, no-any-return]
+
+
+def test_bytes_as_in_the_file(tmp_path: Path) -> None:
+    """(5.6)"""
+    data = b"N10 G1 X1\r\nN20 M30\r\n%"
+    tape = tape_of(tmp_path, data)
+    assert whole(tape) == data
+    assert tape.sha256 == tape.program_sha256 == hashlib.sha256(data).hexdigest()
+    assert tape.block_end == b"\r\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "end"),
+    [("lf", b"\n"), ("cr", b"\r"), ("crlf", b"\r\n"), ("lfcr", b"\n\r"), ("lfcrcr", b"\n\r\r"), (r";\LF", b";\n")],
+)
+def test_every_block_end(tmp_path: Path, name: str, end: bytes) -> None:
+    """(5.4) Mixed ends of the file become the control's end; a run is never torn by a chunk's border."""
+    ends = [b"\n", b"\r\n", b"\n"]
+    blocks = [b"G1 X%d" % index for index in range(20_000)]
+    data = b"".join(block + ends[index % 3] for index, block in enumerate(blocks))
+    tape = tape_of(tmp_path, data, end_of_block=name)
+    assert whole(tape) == b"".join(block + end for block in blocks)
+    assert tape.lines.count == 20_000
+
+
+def test_leader_and_trailer(tmp_path: Path) -> None:
+    """(5.4)"""
+    tape = tape_of(tmp_path, b"%\nM30\n%\n", leader=r"\NUL*50\DC2", trailer=r"\DC4\x03")
+    assert whole(tape) == b"\0" * 50 + b"\x12%\nM30\n%\n\x14\x03"
+    assert tape.leader_bytes == 51
+    assert tape.sha256 != tape.program_sha256
+
+
+def test_unknown_escape_is_refused() -> None:
+    with pytest.raises(SettingsRejected, match="no known escape"):
+        escaped_bytes(r"\FOO")
+
+
+@pytest.mark.parametrize(
+    ("data", "line", "column", "words"),
+    [
+        (b"G1 X1\nG1 X2 ;\x13 stop\n", 2, 8, "DC3"),
+        (b"G1 X1\r\nG0\x00\r\n", 2, 3, "NUL"),
+        (b"\xef\xbb\xbfG1\n", 1, 1, "byte order mark"),
+        (b"\xff\xfeG\x001\x00", 1, 1, "UTF-16"),
+        (b"G1\n;\xc3\xa9\n", 2, 2, "not ASCII"),
+        (b"G1\rG2\rG3\x1b\r", 3, 3, "ESC"),
+    ],
+)
+def test_bytes_that_act_on_the_line_are_refused(
+    tmp_path: Path, data: bytes, line: int, column: int, words: str
+) -> None:
+    """(5.6; faults P3, P4, P5)"""
+    with pytest.raises(InputRejected, match=words) as refused:
+        tape_of(tmp_path, data)
+    assert (refused.value.line, refused.value.column) == (line, column)
+
+
+def test_a_refusal_far_into_the_file_has_the_right_place(tmp_path: Path) -> None:
+    data = b"G1 X1.000\n" * 50_000 + b"G1 \x07\n"
+    with pytest.raises(InputRejected) as refused:
+        tape_of(tmp_path, data)
+    assert (refused.value.line, refused.value.column) == (50_001, 4)
+
+
+def test_iso_set_refuses_lower_case(tmp_path: Path) -> None:
+    """(5.6)"""
+    with pytest.raises(InputRejected, match="'g' is not in the control's set iso"):
+        tape_of(tmp_path, b"G1\ng1\n", character_set="iso")
+
+
+def test_what_is_no_program(tmp_path: Path) -> None:
+    """(fault P6) Empty file, directory, FIFO, absent file, endless line: one sentence each, nothing waits."""
+    os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "empty").touch()
+    for name, words in [("fifo", "FIFO"), ("empty", "empty"), (".", "directory"), ("none", "No such file")]:
+        with pytest.raises(InputRejected, match=words):
+            load_tape(tmp_path / name, profile.Tape(), tmp_path)
+    with pytest.raises(InputRejected, match="a line of more than 4096 bytes"):
+        tape_of(tmp_path, b"X" * 10_000_000)
+
+
+@given(blocks=st.lists(st.binary(max_size=30).map(lambda raw: raw.hex().encode()), min_size=1, max_size=50))
+def test_lines_and_offsets_agree(tmp_path_factory: pytest.TempPathFactory, blocks: list[bytes]) -> None:
+    data = b"".join(block + b"\n" for block in blocks)
+    tape = tape_of(tmp_path_factory.mktemp("tape"), data)
+    offset = 0
+    for number, block in enumerate(blocks, start=1):
+        assert tape.lines.offset_of(tape, number) == offset
+        assert tape.lines.line_at(tape, offset) == number
+        assert tape.is_block_end(offset)
+        offset += len(block) + 1
+        assert tape.next_block_end(offset - 1) == offset
+    tape.close()
+
+
+def test_line_lookup_beyond_the_first_mark(tmp_path: Path) -> None:
+    tape = tape_of(tmp_path, b"".join(b"N%d\n" % index for index in range(1, 200_001)))
+    for line in (1, 1024, 1025, 1026, 99_999, 200_000):
+        at = tape.lines.offset_of(tape, line)
+        assert tape.peek(at, 20).split(b"\n")[0] == b"N%d" % line
+        assert tape.lines.line_at(tape, at) == line
+
+
+@pytest.mark.parametrize(
+    ("data", "essential", "whole_from", "whole_to"),
+    [
+        (b"G1\nM30\n%\n", 7, 6, 8),
+        (b"G1\nM30\n", 7, 6, 7),
+        (b"G1\r\nM30\r\n%\r\n", 9, 8, 10),
+        (b"G1\nM30", 6, 6, 6),
+        (b"%\n", 2, 2, 2),
+    ],
+)
+def test_where_the_program_really_ends(
+    tmp_path: Path, data: bytes, essential: int, whole_from: int, whole_to: int
+) -> None:
+    """(5.4) The last block's end and the closing % leave together."""
+    end = tape_of(tmp_path, data).end
+    assert (end.essential_bytes, end.whole_from, end.whole_to) == (essential, whole_from, whole_to)
+
+
+def test_a_file_that_changes_does_not_reach_the_line(tmp_path: Path) -> None:
+    """(5.6; faults P1, P2)"""
+    data = b"G1 X1\n" * 1000
+    tape = tape_of(tmp_path, data)
+    (tmp_path / "part.mpf").write_bytes(b"G1 X9\n")
+    (tmp_path / "part.mpf").unlink()
+    assert whole(tape) == data
+
+
+def test_disk_full_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(5.6) A spool that cannot grow ends before anything is sent, and leaves no descriptor open."""
+    monkeypatch.setattr(spool, "_MEMORY_BYTES", 0)
+    before = len(os.listdir("/proc/self/fd"))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    (tmp_path / "part.mpf").write_bytes(b"G1 X1\n" * 100_000)
+    import signal
+
+    old = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (65536, hard))
+    try:
+        with pytest.raises(SettingsRejected, match="cannot be copied"):
+            load_tape(tmp_path / "part.mpf", profile.Tape(), tmp_path / "spool")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, old)
+    assert len(os.listdir("/proc/self/fd")) == before
+
+
+@pytest.mark.soak
+def test_a_gigabyte_takes_constant_memory(tmp_path: Path) -> None:
+    """(5.6) 1 GB spooled and hashed within 60 MB of resident memory."""
+    block = b"N10 G1 X123.456 Y123.456 Z-12.345\n" * 30_000
+    path = tmp_path / "big.mpf"
+    with path.open("wb") as file:
+        for _ in range(1 + 10**9 // len(block)):
+            file.write(block)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    tape = load_tape(path, profile.Tape(), tmp_path / "spool")
+    assert tape.size_bytes >= 10**9
+    assert tape.lines.line_at(tape, tape.size_bytes - 1) == tape.lines.count
+    tape.close()
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 60_000
