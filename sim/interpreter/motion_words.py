@@ -10,29 +10,15 @@ from planner.gcode.codes import SPLINE_CODES
 from sim.interpreter import canon, moves
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.canon import Vector
+from sim.interpreter.feeds import PathFeed
 from sim.interpreter.frames import add, norm, scaled, subtract
 from sim.interpreter.mapping import Mapping, mapping_of
 from sim.interpreter.outlet import Outlet
 from sim.interpreter.request import Coordinate, Request
 from sim.interpreter.settings import G28, Settings
+from sim.interpreter.spline_builders import AkimaBuilder, BSplineBuilder, CubicBuilder, SplineBuilder, SplinePoint
 from sim.interpreter.state import INCH_MM, State
 from sim.interpreter.tangents import end_tangent, extent, start_tangent
-
-
-@dataclass(frozen=True, slots=True)
-class PathFeed:
-    """The feed in force in a block, ready for a path of any length: mm/min, or 1/min where `is_inverse_time`."""
-
-    value: float
-    is_inverse_time: bool
-
-    def along(self, length_mm: float, group_length_mm: float | None = None) -> float:
-        """Path speed mm/min over `length_mm`; F counts along the axes of FGROUP where they move."""
-        if self.is_inverse_time:
-            return self.value * length_mm
-        if group_length_mm is None or group_length_mm < moves.SAME_PLACE_MM:
-            return self.value
-        return self.value * length_mm / group_length_mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +36,15 @@ class Mover:
 
     def __init__(self, settings: Settings, state: State, outlet: Outlet) -> None:
         self._settings, self._state, self._outlet = settings, state, outlet
+        self._spline: SplineBuilder | None = None
 
     def finish_spline(self, tangent: Vector | None) -> None:
         """The spline, if one runs, ends here; `tangent` is the direction of what follows, or None."""
+        spline, self._spline = self._spline, None
+        if spline is not None:
+            spline.close(tangent)
+            if spline.last is not None:
+                self._state.tangent = end_tangent(spline.last)
 
     def finish(self) -> None:
         """Complete whatever waits for more blocks."""
@@ -65,11 +57,22 @@ class Mover:
         code = request.code(ModalGroup.MOTION)
         if code is not None and code != state.motion:
             state.motion = code
+            state.spline_degree = 3
+            self._announced_degree(request)
         if one_shot is not None:
             self._special(one_shot, request)
         elif request.is_geometry:
             self._exact_stop(request)
             self._by_code(request)
+
+    def _announced_degree(self, request: Request) -> None:
+        """BSPLINE SD=2 in a block without points holds for the points that follow."""
+        if request.is_geometry or "SD" not in request.numbers:
+            return
+        degree = request.take("SD")
+        if self._state.motion != "BSPLINE" or degree not in (2.0, 3.0):
+            raise ControlAlarm(AlarmNumber.SPLINE, f"SD={degree:g} is no degree here; BSPLINE takes 2 or 3")
+        self._state.spline_degree = int(degree)
 
     def _by_code(self, request: Request) -> None:
         motion = self._state.motion
@@ -81,7 +84,7 @@ class Mover:
         elif motion == "POLY":
             self._polynomial(target, request)
         elif motion in SPLINE_CODES:
-            raise ControlAlarm(AlarmNumber.SPLINE, f"{motion} is not available")
+            self._spline_point(motion, target, request)
         else:
             self._straight(target, request)
 
@@ -164,12 +167,14 @@ class Mover:
     def _arc(self, code: str, target: Target, request: Request) -> None:
         feed = self._feed(request)
         end, shape = target.end, None
-        if code == "CIP":
+        if code == "CT":
+            self.finish_spline(None)
+            shape = moves.arc_tangent(
+                target.start, end, self._programmed_tangent(target.mapping), self._state.plane_axes
+            )
+        elif code == "CIP":
             middle = self._middle(target, request)
             shape = moves.arc_through(target.start, middle, end)
-        elif code == "CT":
-            tangent = self._programmed_tangent(target.mapping)
-            shape = moves.arc_tangent(target.start, end, tangent, self._state.plane_axes)
         else:
             end, shape = self._circle(code == "G2", target, request)
         turns = request.take("TURN") or 0.0
@@ -304,6 +309,46 @@ class Mover:
                 block.line, block.number, start, target.canonical, coefficients, denominator, length, speed
             )
         )
+
+    def _spline_point(self, code: str, target: Target, request: Request) -> None:
+        state, block = self._state, request.block
+        feed = self._feed(request)
+        request.polynomials.clear()
+        if self._spline is not None and self._spline.code != code:
+            self.finish_spline(None)
+        if self._spline is None:
+            self._spline = self._new_spline(code)
+        spline = self._spline
+        self._spline_degree(spline, request)
+        interval, weight = request.take("PL"), request.take("PW")
+        if code != "BSPLINE" and (interval is not None or weight is not None):
+            raise ControlAlarm(AlarmNumber.SPLINE, f"{code} takes neither PL nor PW; BSPLINE does")
+        weight = 1.0 if weight is None else weight
+        slot = self._outlet.reserve()
+        state.position_mm = target.canonical
+        spline.add(SplinePoint(block.line, block.number, target.canonical, feed, interval, weight, slot))
+
+    def _new_spline(self, code: str) -> SplineBuilder:
+        state = self._state
+        if code == "BSPLINE":
+            return BSplineBuilder(state.position_mm, state.spline_degree, self._settings.knot_rule)
+        builder = AkimaBuilder if code == "ASPLINE" else CubicBuilder
+        return builder(state.position_mm, state.spline_start, state.spline_end, state.tangent)
+
+    def _spline_degree(self, spline: SplineBuilder, request: Request) -> None:
+        """SD before or in the first block of a B-spline; it cannot change inside."""
+        degree = request.take("SD")
+        if degree is None:
+            return
+        if degree not in (2.0, 3.0) or not isinstance(spline, BSplineBuilder):
+            raise ControlAlarm(AlarmNumber.SPLINE, f"SD={degree:g} is no degree of {spline.code}; BSPLINE takes 2 or 3")
+        if spline.degree != degree:
+            if spline.has_points:
+                raise ControlAlarm(
+                    AlarmNumber.SPLINE, "SD changes inside a BSPLINE; another motion code first is expected"
+                )
+            self._spline = BSplineBuilder(self._state.position_mm, int(degree), self._settings.knot_rule)
+            self._state.spline_degree = int(degree)
 
     def _special(self, code: str, request: Request) -> None:
         """G74, G75 and the ISO dialect's G28: rapids to places the machine knows."""

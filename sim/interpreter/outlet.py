@@ -32,6 +32,12 @@ class Outlet:
         self._waiting.append(slot)
         return slot
 
+    def abandon(self) -> None:
+        """Nothing will fill the empty slots any more."""
+        for waiting in self._waiting:
+            if isinstance(waiting, Slot) and waiting.commands is None:
+                waiting.commands = []
+
     def drain(self) -> list[Command]:
         """All commands before the first empty slot, which leave the outlet."""
         ready: list[Command] = []

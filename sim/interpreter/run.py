@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
+from contextlib import suppress
 
 from planner.gcode import SyntaxProblem, read_block
 from sim.interpreter import canon
@@ -27,6 +28,7 @@ class Interpreter:
         self._state = State(self._settings.start_mm)
         self._outlet = Outlet()
         self._variables = Variables(self._settings.r_parameters, self._system)
+        self._line = 0
         self._executor = Executor(self._settings, self._state, self._variables, self._outlet)
 
     @property
@@ -38,6 +40,7 @@ class Interpreter:
         """The commands that this block decides. `line` counts from 1."""
         if self._state.is_ended:
             return []
+        self._line = line
         number: int | None = None
         try:
             block = read_block(raw.decode("latin-1"), line)
@@ -57,7 +60,10 @@ class Interpreter:
     def finish(self) -> list[canon.Command]:
         """The commands that waited for more blocks; call it when no more will come."""
         if not self._state.is_ended:
-            self._executor.finish()
+            try:
+                self._executor.finish()
+            except ControlAlarm as alarm:
+                self._alarm(alarm.number, alarm.text, alarm.column, self._line, None)
             self._state.is_ended = True
         return self._outlet.drain()
 
@@ -69,7 +75,9 @@ class Interpreter:
             self._state.is_ended = True
 
     def _alarm(self, number: int, text: str, column: int | None, line: int, block: int | None) -> None:
-        self._executor.finish()
+        with suppress(ControlAlarm):
+            self._executor.finish()
+        self._outlet.abandon()
         self._outlet.put(canon.Alarm(line, block, int(number), text, column))
         self._state.is_ended = True
 
