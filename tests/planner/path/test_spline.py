@@ -1,0 +1,42 @@
+"""Fitting passes: tolerance kept, few spans, ends exact."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.path.plane_spline import evaluate, span_count
+from planner.path.spline import fit_passes
+from tests.planner.path.curves import arc, random_graph, wave_pass
+
+
+def closest_mm(points: np.ndarray, polyline: np.ndarray) -> float:
+    """The largest distance of points from a dense polyline, by brute force."""
+    start, chord = polyline[:-1], np.diff(polyline, axis=0)
+    worst = 0.0
+    for point in points:
+        gap = point - start
+        share = np.clip((gap * chord).sum(axis=1) / (chord**2).sum(axis=1), 0.0, 1.0)
+        worst = max(worst, float(np.hypot(*(gap - share[:, None] * chord).T).min()))
+    return worst
+
+
+@pytest.mark.parametrize("tolerance_mm", [0.01, 0.001, 0.00025])
+def test_stays_within_tolerance_both_ways(tolerance_mm: float) -> None:
+    """(4.3) Dense points of either curve lie within the stated deviation of the other."""
+    curves = [random_graph(seed) for seed in range(4)] + [arc(4.0, 0.0, 2.5)]
+    for curve, fitted in zip(curves, fit_passes(curves, tolerance_mm), strict=True):
+        assert fitted.deviation_mm <= tolerance_mm
+        parameters = np.linspace(0.0, fitted.spline.knots[-1], 2001)
+        spline = evaluate(fitted.spline, parameters)[0]
+        exact = curve.refine(np.linspace(0.0, curve.arc_mm[-1], 2001)).points
+        slack_mm = 2e-5
+        assert closest_mm(exact[::20], spline) <= fitted.deviation_mm + slack_mm
+        assert closest_mm(spline[::20], exact) <= fitted.deviation_mm + slack_mm
+        np.testing.assert_allclose(spline[[0, -1]], exact[[0, -1]], atol=1e-9)
+
+
+def test_wave_needs_few_control_points() -> None:
+    """(4.4) A 300 mm pass over the wave at 1 um: at most 22 control points."""
+    (fitted,) = fit_passes([wave_pass()], 0.001)
+    assert span_count(fitted.spline) + 3 <= 22
