@@ -7,6 +7,7 @@ surface is judged inside its border only; passes may run on beyond it, on the ex
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,6 +141,34 @@ def crossings(surface: OffsetSurface, border: Border, planes_mm: Array) -> tuple
     return passes, found.centre[0], parameters
 
 
+def pass_runs(
+    heights: BorderHeights, ends: GapCusps, crossed: tuple[Indices, Array], *, join_mm: float
+) -> tuple[Indices, Array]:
+    """Where passes must run to leave nothing on the patch: pass (k,) and [from, to] in x (k, 2), sorted.
+
+    A pass is needed where its contact point is on the patch (`crossed`: pass and x of its crossings of the border),
+    and as far beyond as it is the one that cuts a border point or a cusp's end lowest. Pieces nearer than `join_mm`
+    become one.
+    """
+    is_cut = heights.best >= 0
+    owner = np.concatenate([heights.best[is_cut], ends.gap, ends.gap + 1])
+    place = np.concatenate([heights.x[is_cut], ends.cusps.x_a, ends.cusps.x_b])
+    order = np.lexsort((crossed[1], crossed[0]))
+    passes, x = crossed[0][order], crossed[1][order]
+    rank = np.arange(len(passes)) - np.searchsorted(passes, passes)
+    start = np.flatnonzero((rank % 2 == 0)[:-1] & (passes[1:] == passes[:-1]))
+    owner = np.concatenate([owner, passes[start]])
+    low, high = np.concatenate([place, x[start]]), np.concatenate([place, x[start + 1]])
+    order = np.lexsort((low, owner))
+    runs: list[tuple[int, float, float]] = []
+    for one, begin, end in zip(owner[order].tolist(), low[order].tolist(), high[order].tolist(), strict=True):
+        if runs and runs[-1][0] == one and begin <= runs[-1][2] + join_mm:
+            runs[-1] = (one, runs[-1][1], max(runs[-1][2], end))
+        else:
+            runs.append((one, begin, end))
+    return np.array([run[0] for run in runs], dtype=np.intp), np.array([run[1:] for run in runs]).reshape(-1, 2)
+
+
 def _reach(surface: OffsetSurface, border: Border, planes_mm: Array, passes: Indices) -> tuple[Reaches, Array]:
     """Heights by the pass of each sample; infinite where there is no such pass or it cannot reach the sample."""
     has_pass = (passes >= 0) & (passes < len(planes_mm))
@@ -151,11 +180,11 @@ def _reach(surface: OffsetSurface, border: Border, planes_mm: Array, passes: Ind
     found = solve_reaches(surface, under, planes, guess)
     height = np.full(len(passes), np.inf)
     height[chosen] = np.where(found.is_found & is_near, found.height_mm, np.inf)
-    full = Reaches(*(_scatter(getattr(found, field.name), chosen, len(passes)) for field in fields(Reaches)))
-    return full, height
+    spread = {field.name: _scatter(getattr(found, field.name), chosen, len(passes)) for field in fields(Reaches)}
+    return Reaches(**spread), height
 
 
-def _scatter(values: Array, chosen: Indices, count: int) -> Array:
+def _scatter(values: Any, chosen: Indices, count: int) -> Any:
     spread = np.zeros((*values.shape[:-1], count), dtype=values.dtype)
     spread[..., chosen] = values
     return spread

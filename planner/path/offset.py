@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 class OffsetPoints:
     """Points of the offset surface, every array (3, m), components first, mm.
 
-    `centre` is Q + R N, `contact` Q itself, `normal` the unit normal N toward the tool; `_u` and `_v` are derivatives.
+    `contact` is where the ball touches, Q + stock N; `centre` is R further; `normal` is the unit normal N toward the
+    tool; `_u` and `_v` are derivatives.
     """
 
     contact: Array
@@ -34,12 +35,13 @@ class OffsetPoints:
 class OffsetSurface:
     """A patch at the distance of the ball's radius on the tool's side, eq. (4).
 
-    `side` is +1 where Qu x Qv points to the tool (up), -1 where it points away.
+    `side` is +1 where Qu x Qv points to the tool (up), -1 where it points away; `stock_mm` is left on the part.
     """
 
     patch: NurbsPatch
     radius_mm: float
     side: int = 1
+    stock_mm: float = 0.0
 
     def evaluate(self, u: Array, v: Array) -> OffsetPoints:
         """Centres, contacts and first derivatives at parameters u, v (m,)."""
@@ -51,13 +53,17 @@ class OffsetSurface:
         bent_v = self.side * (cross_product(found.duv, found.dv) + cross_product(found.du, found.dvv))
         normal_u = (bent_u - dot(bent_u, normal) * normal) / length
         normal_v = (bent_v - dot(bent_v, normal) * normal) / length
+        contact, contact_u, contact_v = found.point, found.du, found.dv
+        if self.stock_mm:
+            contact = contact + self.stock_mm * normal
+            contact_u, contact_v = contact_u + self.stock_mm * normal_u, contact_v + self.stock_mm * normal_v
         return OffsetPoints(
-            contact=found.point,
-            contact_u=found.du,
-            contact_v=found.dv,
-            centre=found.point + self.radius_mm * normal,
-            centre_u=found.du + self.radius_mm * normal_u,
-            centre_v=found.dv + self.radius_mm * normal_v,
+            contact=contact,
+            contact_u=contact_u,
+            contact_v=contact_v,
+            centre=contact + self.radius_mm * normal,
+            centre_u=contact_u + self.radius_mm * normal_u,
+            centre_v=contact_v + self.radius_mm * normal_v,
             normal=normal,
             normal_u=normal_u,
             normal_v=normal_v,

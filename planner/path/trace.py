@@ -3,29 +3,24 @@
 A ball-end mill comes from above, so the offset surface is a height over the XY plane wherever the tool can be: each
 point of a plane (its place w along the plane) belongs to one parameter pair (u, v), found by Newton's method on two
 equations. Marching point by point is not needed. Derivation: EQUATIONS.md, section 3.
+
+Frame: the surface is turned so that passes run along +x and planes are y = const; w is x, the plane's offset y.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.errors import InputRejected
 from planner.path.model import DrivingPlane
-from planner.path.offset import OffsetPoints, OffsetSurface, dot
+from planner.path.offset import OffsetPoints, OffsetSurface
+from planner.path.seeds import Seeds
 
 Array = NDArray[np.float64]
-
-
-class TraceEnd(Enum):
-    """How a bounded Newton iteration ended; the value is the sentence for the user."""
-
-    FOUND = "every point was found to the asked residual"
-    RAN_OUT = "Newton's method did not settle within its steps"
-    LEFT = "the point lies beyond the reach of the surface"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +38,7 @@ class TracedCurve:
     """One branch of offset surface and driving plane, running in +w, at nodes dense enough to start Newton anywhere.
 
     `arc_mm` (m,) from 0; `points` (m, 2) exact (w, z), mm; `tangents` (m, 2) unit; `curvatures` (m,) signed
-    d(angle)/ds, 1/mm; `parameters` (m, 2) of (u, v); `surface` is the offset surface it lies on.
+    d(angle)/ds, 1/mm; `parameters` (m, 2) of (u, v); `surface` is the offset surface it lies on, in the passes' frame.
     """
 
     plane: DrivingPlane
@@ -75,26 +70,51 @@ def refine_many(curves: Sequence[TracedCurve], arcs_mm: Sequence[Array]) -> list
     guess = np.concatenate([start[1] for start in starts], axis=1)
     counts = [len(arc) for arc in arcs_mm]
     owner = np.repeat(np.arange(len(curves)), counts)
-    planes = [curve.plane for curve in curves]
-    samples = solve_on_planes(curves[0].surface, planes, owner, w_mm, guess)[0]
+    offsets = np.array([curve.plane.offset_mm for curve in curves])[owner]
+    samples = solve_on_planes(curves[0].surface, offsets, w_mm, guess)[0]
     cuts = np.cumsum(counts)[:-1]
     fields = (samples.points, samples.tangents, samples.curvatures, samples.parameters)
     return [CurveSamples(*parts) for parts in zip(*(np.split(field, cuts) for field in fields), strict=True)]
 
 
+def trace(
+    surface: OffsetSurface, seeds: Seeds, planes: Sequence[DrivingPlane], w_mm: Array, *, spacing_mm: float
+) -> list[TracedCurve]:
+    """One curve a plane, from w_mm[k, 0] to w_mm[k, 1], with nodes about `spacing_mm` apart and at least 9.
+
+    Raises InputRejected, naming patch and place, where the extended surface does not reach that far.
+    """
+    counts = np.maximum(np.ceil((w_mm[:, 1] - w_mm[:, 0]) / spacing_mm), 8).astype(np.intp) + 1
+    owner = np.repeat(np.arange(len(planes)), counts)
+    rank = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    place = w_mm[owner, 0] + rank / (counts[owner] - 1) * (w_mm[owner, 1] - w_mm[owner, 0])
+    offsets = np.array([plane.offset_mm for plane in planes])[owner]
+    guess = seeds.near(np.stack([place, offsets]))
+    samples, is_found = solve_on_planes(surface, offsets, place, guess)
+    if not is_found.all():
+        lost = int(np.argmin(is_found))
+        where = f"{place[lost]:.3f} mm along the pass at {offsets[lost]:.3f} mm"
+        what = f"{surface.patch.name} cannot be carried on far enough to cut its border ({where})"
+        raise InputRejected(what, remedy="give the patch a smoother border or another angle_deg")
+    cuts = np.cumsum(counts)[:-1]
+    columns = (samples.points, samples.tangents, samples.curvatures, samples.parameters)
+    parts = zip(*(np.split(field, cuts) for field in columns), strict=True)
+    return [
+        TracedCurve(plane, _arc_lengths(points, tangents, bends), points, tangents, bends, parameters, surface)
+        for plane, (points, tangents, bends, parameters) in zip(planes, parts, strict=True)
+    ]
+
+
 def solve_on_planes(
-    surface: OffsetSurface, planes: Sequence[DrivingPlane], owner: NDArray[np.intp], w_mm: Array, guess: Array
+    surface: OffsetSurface, offsets_mm: Array, w_mm: Array, guess: Array
 ) -> tuple[CurveSamples, NDArray[np.bool_]]:
-    """The curve points at places w (k,) of the planes planes[owner], from guesses (2, k) of (u, v).
+    """The curve points at places w (k,) in the planes at these offsets (k,), from guesses (2, k) of (u, v).
 
     Returns the samples and, per point, whether Newton's method found it.
     """
-    directions = np.array([plane.direction[:2] for plane in planes])[owner].T
-    normals = np.array([plane.normal[:2] for plane in planes])[owner].T
-    offsets = np.array([plane.offset_mm for plane in planes])[owner]
-    target = w_mm * directions + offsets * normals
+    target = np.stack([w_mm, offsets_mm])
     parameters, found, is_found = locate(surface, target, guess, residual_mm=1e-11, steps=40)
-    return _samples(found, parameters, directions, w_mm), is_found
+    return _samples(found, parameters, w_mm), is_found
 
 
 def locate(
@@ -122,21 +142,27 @@ def locate(
     return parameters, found, is_found
 
 
-def _samples(found: OffsetPoints, parameters: Array, directions: Array, w_mm: Array) -> CurveSamples:
+def _samples(found: OffsetPoints, parameters: Array, w_mm: Array) -> CurveSamples:
     """Slope and curvature of the plane curve from the offset surface's normal, eqs. (7) and (8)."""
-    along = directions[0] * found.normal[0] + directions[1] * found.normal[1]
-    length = np.hypot(along, found.normal[2])
-    cosine, sine = found.normal[2] / length, -along / length
-    ahead = np.stack([cosine * directions[0], cosine * directions[1], sine])
-    step_u, step_v = _solve_2x2(found.centre_u[:2], found.centre_v[:2], ahead[:2])
+    length = np.hypot(found.normal[0], found.normal[2])
+    cosine, sine = found.normal[2] / length, -found.normal[0] / length
+    step_u, step_v = _solve_2x2(found.centre_u[:2], found.centre_v[:2], np.stack([cosine, np.zeros_like(cosine)]))
     turn = step_u * found.normal_u + step_v * found.normal_v
-    curvature = -dot(turn, ahead) / length
     return CurveSamples(
         points=np.stack([w_mm, found.centre[2]], axis=1),
         tangents=np.stack([cosine, sine], axis=1),
-        curvatures=curvature,
+        curvatures=-(turn[0] * cosine + turn[2] * sine) / length,
         parameters=parameters.T.copy(),
     )
+
+
+def _arc_lengths(points: Array, tangents: Array, curvatures: Array) -> Array:
+    """Arc length at the nodes by the trapezoid rule with end correction, eq. (9): exact to the fifth order."""
+    run = np.diff(points[:, 0])
+    speed = 1 / tangents[:, 0]
+    change = curvatures * tangents[:, 1] * speed**3
+    parts = run / 2 * (speed[:-1] + speed[1:]) + run**2 / 12 * (change[:-1] - change[1:])
+    return np.append(0.0, np.cumsum(parts))
 
 
 def _between_nodes(curve: TracedCurve, arc_mm: Array) -> tuple[Array, Array]:

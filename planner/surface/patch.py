@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -57,6 +57,14 @@ class NurbsPatch:
     def domain(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """((u_low, u_high), (v_low, v_high))."""
         return (self.basis_u.low, self.basis_u.high), (self.basis_v.low, self.basis_v.high)
+
+    def turned(self, angle_rad: float) -> NurbsPatch:
+        """The same patch in a frame turned about +Z by this angle: what lay along the angle lies along +x."""
+        if angle_rad == 0.0:
+            return self
+        cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+        turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        return replace(self, control_points=self.control_points @ turn.T)
 
     @cached_property
     def _rows(self) -> Array:

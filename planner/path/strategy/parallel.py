@@ -1,0 +1,99 @@
+"""Parallel passes: driving planes side by side, at pick feeds from the scallop or at a fixed distance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputRejected
+from planner.path.coverage import border_cusps, border_heights, crossings, pass_runs
+from planner.path.gouge import check_radius, tool_side
+from planner.path.model import DrivingPlane
+from planner.path.offset import OffsetSurface
+from planner.path.pick_feed import (
+    ChainEnd,
+    Ground,
+    Peaks,
+    even_planes,
+    lay_ground,
+    local_pick_feed,
+    solve_pick_feeds,
+    survey,
+)
+from planner.path.seeds import sow
+from planner.path.trace import TracedCurve, trace
+from planner.surface.patch import NurbsPatch
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Traced passes in order, and what they leave: `planes_mm` (planes,), `peaks` of the gaps between planes."""
+
+    curves: tuple[TracedCurve, ...]
+    planes_mm: Array
+    peaks: Peaks
+    ground: Ground
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the operation asks for; exactly one of `scallop_mm` and `pick_feed_mm` is given."""
+
+    radius_mm: float
+    angle_rad: float
+    scallop_mm: float | None
+    pick_feed_mm: float | None
+    stock_mm: float = 0.0
+
+
+def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float) -> Layout:
+    """Traced passes over one patch; raises InputRejected with one sentence for what this ball cannot cut."""
+    ground = prepare(patch, wishes)
+    if wishes.scallop_mm is not None:
+        feeds = solve_pick_feeds(ground, wishes.scallop_mm, accuracy_mm=accuracy_mm)
+        if feeds.end is not ChainEnd.SETTLED:
+            where = f" near (u, v) = ({feeds.peaks.foot[0, -1]:.4g}, {feeds.peaks.foot[1, -1]:.4g})"
+            raise InputRejected(f"{patch.name}: {feeds.end.value}{where}", remedy="give a fixed pick_feed_mm instead")
+        planes_mm, peaks = feeds.planes_mm, feeds.peaks
+    else:
+        assert wishes.pick_feed_mm is not None
+        planes_mm = even_planes(ground, wishes.pick_feed_mm)
+        peaks = survey(ground, planes_mm, wishes.pick_feed_mm**2 / (8 * wishes.radius_mm))
+    return Layout(tuple(run_passes(ground, planes_mm, wishes.angle_rad)), planes_mm, peaks, ground)
+
+
+def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
+    """The patch turned into the frame of the passes, checked, offset, seeded, its border sampled."""
+    side = tool_side(patch)
+    check_radius(patch, side, wishes.radius_mm + wishes.stock_mm)
+    surface = OffsetSurface(patch.turned(wishes.angle_rad), wishes.radius_mm, side, wishes.stock_mm)
+    spans = len(patch.basis_u.starts) * len(patch.basis_v.starts)
+    seeds = sow(surface, reach_mm=2 * wishes.radius_mm, a_span=2 if spans > 400 else 4 if spans > 25 else 16)
+    if wishes.pick_feed_mm is not None:
+        least_mm = wishes.pick_feed_mm
+    else:
+        assert wishes.scallop_mm is not None
+        (u_low, u_high), (v_low, v_high) = patch.domain
+        u, v = seeds.parameters
+        inside = seeds.parameters[:, (u >= u_low) & (u <= u_high) & (v >= v_low) & (v <= v_high)]
+        least_mm = float(local_pick_feed(surface, inside, wishes.scallop_mm).min())
+    return lay_ground(surface, seeds, pick_feed_mm=least_mm)
+
+
+def run_passes(ground: Ground, planes_mm: Array, angle_rad: float) -> list[TracedCurve]:
+    """Every pass traced where it is needed: one curve a connected piece, in order of planes, then along +w."""
+    heights = border_heights(ground.surface, ground.border, planes_mm)
+    ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
+    passes, x, _ = crossings(ground.surface, ground.border, planes_mm)
+    join_mm = 2 * float(np.diff(planes_mm).max(initial=ground.station_mm))
+    owner, runs = pass_runs(heights, ends, (passes, x), join_mm=join_mm)
+    if not len(owner):
+        raise InputRejected("no pass meets the part", remedy="check angle_deg, pick_feed_mm and the surface")
+    short = np.maximum(join_mm / 4 - (runs[:, 1] - runs[:, 0]), 0.0) / 2
+    runs = runs + np.stack([-short, short], axis=1)
+    planes = [DrivingPlane(angle_rad, float(planes_mm[one])) for one in owner]
+    return trace(ground.surface, ground.seeds, planes, runs, spacing_mm=ground.station_mm / 2)
