@@ -1,0 +1,76 @@
+"""A whole program through interpreter and machine without a line: what `dnc simulate` measures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.interpreter import canon
+from sim.interpreter.run import interpret
+from sim.interpreter.settings import KnotRule, Settings
+from sim.motion.machine import Machine, MachineState, Samples, StarvedInterval
+from sim.profile import MillProfile
+
+_WAITS_FOR_OPERATOR = (MachineState.PROGRAM_STOPPED, MachineState.OPTIONAL_STOP)
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What came of a program: its commands, the motion log, the motions as made, and what the control complained of.
+
+    `machining_time_s` runs from the first block to the end; programmed stops count no time. `blocks` are the blocks
+    that were read, blank lines not counted.
+    """
+
+    commands: Sequence[canon.Command]
+    samples: Samples
+    travelled: Sequence[canon.Motion]
+    starved: Sequence[StarvedInterval]
+    alarms: Sequence[canon.Alarm]
+    machining_time_s: float
+    blocks: int
+    is_completed: bool
+
+
+def settings_of(profile: MillProfile, *, is_drip_fed: bool) -> Settings:
+    """The control's side of interpreting, as the machine profile has it."""
+    return Settings(knot_rule=KnotRule(profile.knot_rule), is_drip_fed=is_drip_fed)
+
+
+def rehearse(data: bytes, profile: MillProfile, *, override_percent: float = 100.0) -> Recording:
+    """Interpret and cut a whole program with a buffer that never runs dry; cycle start follows every stop at once."""
+    commands = list(interpret(data, settings_of(profile, is_drip_fed=False)))
+    machine = Machine(profile, profile.block_cycle_s)
+    machine.set_override(override_percent)
+    for command in commands:
+        machine.offer(command)
+    machine.close()
+    parts = [machine.advance(math.inf)]
+    while machine.snapshot().state in _WAITS_FOR_OPERATOR:
+        machine.cycle_start()
+        parts.append(machine.advance(math.inf))
+    last_line = max((command.line for command in commands if isinstance(command, canon.End | canon.Alarm)), default=0)
+    lines = data.split(b"\n")[: last_line or None]
+    return Recording(
+        commands=commands,
+        samples=_joined(parts),
+        travelled=machine.travelled,
+        starved=machine.starved,
+        alarms=[command for command in commands if isinstance(command, canon.Alarm)],
+        machining_time_s=machine.time_s,
+        blocks=sum(1 for line in lines if line.strip()),
+        is_completed=machine.snapshot().state is MachineState.COMPLETED,
+    )
+
+
+def _joined(parts: Sequence[Samples]) -> Samples:
+    return Samples(
+        t_s=np.concatenate([part.t_s for part in parts]),
+        position_mm=np.concatenate([part.position_mm for part in parts]),
+        feed_mm_min=np.concatenate([part.feed_mm_min for part in parts]),
+        line=np.concatenate([part.line for part in parts]),
+        block=np.concatenate([part.block for part in parts]),
+    )
