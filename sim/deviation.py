@@ -6,6 +6,7 @@ scallop, as gouge and as covered stands in `sim/MODEL.md`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +17,9 @@ from numpy.typing import NDArray
 from sim.grid import Net, net_of
 from sim.interpreter.canon import Motion
 from sim.nominal import Nominal
-from sim.probe import Probes, probes_of
+from sim.probe import Heights, Probes, probes_of
+from sim.refine import Extremes, Refiner
+from sim.seeds import cusp_seeds, pit_seeds
 from sim.sweep import sweep_of
 from sim.tool import Tool
 
@@ -27,11 +30,22 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class PatchMap:
-    """Deviation over one patch: height_mm (n, m), inf where not reached; motion (n, m), -1 there."""
+    """Deviation over one patch: what the probes of its net found; `motions` (k,) is the motion of every piece."""
 
     net: Net
-    height_mm: Floats
-    motion: Ints
+    found: Heights
+    motions: Ints
+
+    @property
+    def height_mm(self) -> Floats:
+        """(n, m): + material left, - gouge, inf where the cutter did not come within reach."""
+        return self.found.height_mm.reshape(self.net.area_mm2.shape)
+
+    @property
+    def motion(self) -> Ints:
+        """(n, m): index of the motion that cut there; -1 where not reached."""
+        owners = self.motions[self.found.piece] if len(self.motions) else np.full_like(self.found.piece, -1)
+        return np.where(self.found.piece >= 0, owners, -1).reshape(self.net.area_mm2.shape)
 
     @property
     def is_covered(self) -> Flags:
@@ -112,52 +126,60 @@ def judge(
     lift_mm = tool.corner_mm if reference == "tip" else 0.0
     sweep = sweep_of(motions, lift_mm, sag_mm=radius_mm / 800, length_mm=radius_mm / 3, fit_mm=1e-7)
     probes = probes_of(sweep, tool, reach_mm=reach_mm)
-    maps = tuple(_map(net_of(patch, probe_pitch_mm), probes) for patch in nominal.patches)
-    scallops = [place for index, each in enumerate(maps) for place in _places(index, each, motions, 1)]
-    gouges = [place for index, each in enumerate(maps) for place in _places(index, each, motions, -1)]
-    scallops.sort(key=lambda place: -place.deviation_mm)
-    gouges.sort(key=lambda place: place.deviation_mm)
+    nets = [net_of(patch, probe_pitch_mm) for patch in nominal.patches]
+    maps = tuple(_map(net, probes) for net in nets)
+    scallops = [place for index in range(len(maps)) for place in _scallops(index, maps[index], probes, motions)]
+    gouges = [place for index in range(len(maps)) for place in _gouges(index, maps[index], probes, motions)]
     whole = sum(float(each.net.area_mm2.sum()) for each in maps)
     covered = sum(float(each.net.area_mm2[each.is_covered].sum()) for each in maps)
-    return Verdict(maps, tuple(scallops), tuple(gouges), covered / whole, reach_mm, probe_pitch_mm)
+    return Verdict(
+        maps, _apart(scallops, radius_mm / 4), _apart(gouges, radius_mm / 4), covered / whole, reach_mm, probe_pitch_mm
+    )
 
 
 def _map(net: Net, probes: Probes) -> PatchMap:
-    found = probes.measure(net.points.reshape(-1, 3), net.normals.reshape(-1, 3))
-    shape = net.area_mm2.shape
-    motion = np.where(found.piece >= 0, probes.sweep.motion[found.piece], -1)
-    return PatchMap(net, found.height_mm.reshape(shape), motion.reshape(shape))
+    return PatchMap(net, probes.measure(net.points.reshape(-1, 3), net.normals.reshape(-1, 3)), probes.sweep.motion)
 
 
-def _places(index: int, mapped: PatchMap, motions: Sequence[Motion], sign: int) -> list[Place]:
-    """Summits (sign 1) or pits (sign -1) of the probed heights, one for each place no neighbour exceeds."""
-    heights = sign * mapped.height_mm
-    at = np.argwhere(_summits(heights) & (heights > 0) & np.isfinite(heights))
+def _scallops(index: int, mapped: PatchMap, probes: Probes, motions: Sequence[Motion]) -> list[Place]:
+    """Summits of material left on one patch, followed to their exact place."""
+    refiner, pitch_mm = Refiner(mapped.net.patch, probes, 1.0), mapped.net.pitch_mm
+    seeds = cusp_seeds(mapped.net, mapped.found, probes, mapped.is_covered, 2000)
+    first = refiner.crossed(seeds.uv, pitch_mm)
+    order = np.argsort(-np.where(np.isfinite(first.found.height_mm), first.found.height_mm, -np.inf))
+    best = refiner.climbed(first.uv[order[:200]], step_mm=1.5 * pitch_mm, stop_mm=pitch_mm / 100, trials=40)
+    return _places(index, best, probes, motions, 1.0)
+
+
+def _gouges(index: int, mapped: PatchMap, probes: Probes, motions: Sequence[Motion]) -> list[Place]:
+    """Pits of one patch, followed to their exact floor."""
+    refiner, pitch_mm = Refiner(mapped.net.patch, probes, -1.0), mapped.net.pitch_mm
+    seeds = pit_seeds(mapped.net, mapped.found, probes, 200)
+    best = refiner.climbed(seeds.uv, step_mm=pitch_mm, stop_mm=pitch_mm / 100, trials=40)
+    return _places(index, best, probes, motions, -1.0)
+
+
+def _places(index: int, extremes: Extremes, probes: Probes, motions: Sequence[Motion], sign: float) -> list[Place]:
+    """The extremes of this sign that the cutter reached, highest first."""
+    heights = extremes.found.height_mm
     places = []
-    for i, j in at:
-        motion = motions[mapped.motion[i, j]]
-        point = mapped.net.points[i, j]
-        places.append(
-            Place(
-                float(mapped.height_mm[i, j]),
-                (float(point[0]), float(point[1]), float(point[2])),
-                index,
-                (float(mapped.net.u[i]), float(mapped.net.v[j])),
-                motion.line,
-                motion.block,
-            )
-        )
+    for k in np.argsort(-sign * heights):
+        if not np.isfinite(heights[k]) or sign * heights[k] <= 0:
+            continue
+        motion = motions[probes.sweep.motion[extremes.found.piece[k]]]
+        x, y, z = (float(value) for value in extremes.points[k])
+        u, v = (float(value) for value in extremes.uv[k])
+        places.append(Place(float(heights[k]), (x, y, z), index, (u, v), motion.line, motion.block))
     return places
 
 
-def _summits(heights: Floats) -> Flags:
-    """(n, m): whether no neighbour is higher; the border has no neighbours outside."""
-    padded = np.pad(heights, 1, constant_values=-np.inf)
-    n, m = heights.shape
-    found = np.ones((n, m), dtype=bool)
-    for i, j in ((0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1), (2, 2)):
-        found &= heights >= padded[i : i + n, j : j + m]
-    return found
+def _apart(places: list[Place], distance_mm: float) -> tuple[Place, ...]:
+    """Places in order of their size, leaving out those nearer than `distance_mm` to a greater one."""
+    kept: list[Place] = []
+    for place in sorted(places, key=lambda each: -abs(each.deviation_mm)):
+        if all(math.dist(place.position_mm, other.position_mm) >= distance_mm for other in kept):
+            kept.append(place)
+    return tuple(kept)
 
 
 def _covered(maps: Sequence[PatchMap]) -> tuple[Floats, Floats]:

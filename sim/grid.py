@@ -17,6 +17,7 @@ class Net:
     """Probes of one patch: u (n,), v (m,); points and normals (n, m, 3), mm; area_mm2 (n, m)."""
 
     patch: NominalPatch
+    pitch_mm: float
     u: Floats
     v: Floats
     points: Floats
@@ -37,6 +38,7 @@ def net_of(patch: NominalPatch, pitch_mm: float) -> Net:
     weights = np.outer(_widths(u), _widths(v))
     return Net(
         patch,
+        pitch_mm,
         u,
         v,
         fine.points.reshape(*shape, 3),

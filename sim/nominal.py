@@ -32,6 +32,15 @@ class Frames:
     normals: Floats
     areas: Floats
 
+    def parameters_of(self, steps: Floats) -> Floats:
+        """Changes of (u, v), (n, 2), that come nearest to these steps in space, (n, 3), mm."""
+        e, f, g = (np.einsum("ij,ij->i", a, b) for a, b in _pairs(self.along_u, self.along_v))
+        a, b = (np.einsum("ij,ij->i", steps, along) for along in (self.along_u, self.along_v))
+        determinant = e * g - f * f
+        with np.errstate(divide="ignore", invalid="ignore"):
+            changes = np.stack([(g * a - f * b) / determinant, (e * b - f * a) / determinant], axis=1)
+        return np.where(np.isfinite(changes), changes, 0.0)
+
 
 @dataclass(frozen=True, slots=True)
 class NominalPatch:

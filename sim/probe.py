@@ -20,10 +20,14 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Heights:
-    """Result of n probes: height_mm (n,), + material left, - cut too deep, inf not reached; piece (n,) or -1."""
+    """Result of n probes: height_mm (n,), + material left, - cut too deep, inf not reached.
+
+    piece (n,), or -1, is the piece of the sweep that cut there, parameter (n,) the place on it, in [0, 1].
+    """
 
     height_mm: Floats
     piece: Ints
+    parameter: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,29 +44,40 @@ class Probes:
 
     def measure(self, points: Floats, normals: Floats) -> Heights:
         """Heights along unit normals (n, 3) from points (n, 3); probes with a nan normal are not reached."""
-        height, piece = np.full(len(points), np.inf), np.full(len(points), -1, dtype=np.int64)
+        found = Heights(np.full(len(points), np.inf), np.full(len(points), -1, dtype=np.int64), np.zeros(len(points)))
         known = np.flatnonzero(np.isfinite(normals).all(axis=1))
-        parts = np.array_split(known, max(1, min(64, len(known) // 2000)))
-        with ThreadPoolExecutor(os.cpu_count()) as threads:
-            list(threads.map(lambda part: self._measure(points, normals, part, height, piece), parts))
-        return Heights(height, piece)
+        parts = np.array_split(known, max(1, min(64, len(known) // 4000)))
+        if len(parts) == 1:
+            self._measure(points, normals, known, found)
+        else:
+            with ThreadPoolExecutor(os.cpu_count()) as threads:
+                list(threads.map(lambda part: self._measure(points, normals, part, found), parts))
+        return found
 
-    def _measure(self, points: Floats, normals: Floats, part: Ints, height: Floats, piece: Ints) -> None:
-        out, owners = np.empty(len(part)), np.empty(len(part), dtype=np.int64)
+    def _measure(self, points: Floats, normals: Floats, part: Ints, found: Heights) -> None:
+        height, piece, parameter = np.empty(len(part)), np.empty(len(part), dtype=np.int64), np.empty(len(part))
         bins = self.bins
         probe_fast.heights(
-            np.ascontiguousarray(points[part]),
-            np.ascontiguousarray(normals[part]),
+            points[part],
+            normals[part],
             (self.strands.chords, self.strands.firsts, self.chords, self.sweep.coefficients, bins.items),
             bins.starts,
             (bins.x0_mm, bins.y0_mm, bins.cell_mm, *bins.shape),
             self.tool.corner_mm,
             self.reach_mm,
             self.margin_mm,
-            out,
-            owners,
+            height,
+            piece,
+            parameter,
         )
-        height[part], piece[part] = out, owners
+        found.height_mm[part], found.piece[part], found.parameter[part] = height, piece, parameter
+
+    def centres(self, found: Heights) -> Floats:
+        """Where the tool's reference stood when it cut each probe, (n, 3), mm; any point where none did."""
+        if not len(self.sweep.coefficients):
+            return np.zeros((len(found.piece), 3))
+        powers = found.parameter[:, None] ** np.arange(4)
+        return np.asarray(np.einsum("nk,nkx->nx", powers, self.sweep.coefficients[found.piece]))
 
 
 def probes_of(sweep: Sweep, tool: Tool, *, reach_mm: float) -> Probes:

@@ -3,7 +3,7 @@
 The geometry is told in `sim/MODEL.md`; `sim.probe_pure` gives the same figures where numba is not installed. Scalars
 are mm; p is the probe's point, n its unit normal. A chord is (ax, ay, az, dx, dy, dz, sag). `layers` is (chords of
 strands, first piece of each, chords of pieces, cubic pieces, strands listed in the bins); a grid is (x0, y0, cell
-width, rows, columns).
+width, rows, columns); what is found is (height, piece, parameter on the piece).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Items = NDArray[np.int32]
 Layers = tuple[Floats, Ints, Floats, Floats, Items]
+Found = tuple[float, int, float]
 Grid = tuple[float, float, float, int, int]
 Vector = tuple[float, float, float]
 F = TypeVar("F", bound=Callable[..., Any])
@@ -165,10 +166,11 @@ def _cell(x: float, y: float, grid: Grid) -> int:
 
 @compiled
 def _outward(
-    p: Vector, n: Vector, at: float, best: float, owner: int, layers: Layers, listed: tuple[int, int], radius: float
-) -> tuple[float, int]:
-    """(height, piece): the first entry above height `at` among the strands listed, or, <= 0, one that holds p."""
+    p: Vector, n: Vector, at: float, found: Found, layers: Layers, listed: tuple[int, int], radius: float
+) -> Found:
+    """The first entry above height `at` among the strands listed, or, <= 0, one that holds p."""
     strands, firsts, chords, pieces, items = layers
+    best, owner, where = found
     for item in range(listed[0], listed[1]):
         middle, room = 0.5 * (at + best), radius + 0.5 * (best - at)
         x = (p[0] + middle * n[0], p[1] + middle * n[1], p[2] + middle * n[2])
@@ -180,18 +182,17 @@ def _outward(
                 continue
             entry, s = _piece_entry(p, n, pieces, chords, k, radius, best)
             if entry < best and (entry > 0.0 or _contains(p, pieces, chords, k, s, radius)):
-                best, owner = entry, k
+                best, owner, where = entry, k, s
                 if best <= 0.0:
-                    return best, owner
-    return best, owner
+                    return best, owner, where
+    return best, owner, where
 
 
 @compiled
-def _inward(
-    p: Vector, n: Vector, depth: float, owner: int, layers: Layers, listed: tuple[int, int], radius: float
-) -> tuple[float, int]:
-    """(height, piece): the cut followed further in through every piece that holds the point reached so far."""
+def _inward(p: Vector, n: Vector, found: Found, layers: Layers, listed: tuple[int, int], radius: float) -> Found:
+    """The cut followed further in through every piece that holds the point reached so far."""
     strands, firsts, chords, pieces, items = layers
+    depth, owner, where = found
     for item in range(listed[0], listed[1]):
         strand = items[item]
         x = (p[0] + depth * n[0], p[1] + depth * n[1], p[2] + depth * n[2])
@@ -203,38 +204,30 @@ def _inward(
                 continue
             entry, s = _piece_entry(p, n, pieces, chords, k, radius, depth)
             if entry < depth and _contains(x, pieces, chords, k, s, radius):
-                depth, owner = entry, k
-    return depth, owner
+                depth, owner, where = entry, k, s
+    return depth, owner, where
 
 
 @compiled
 def _cut(
-    p: Vector,
-    n: Vector,
-    best: float,
-    owner: int,
-    layers: Layers,
-    starts: Ints,
-    grid: Grid,
-    radius: float,
-    margin: float,
-) -> tuple[float, int]:
-    """(height, piece) of one probe: outward cell by cell to the first entry, or inward as far as the cut goes."""
+    p: Vector, n: Vector, found: Found, layers: Layers, starts: Ints, grid: Grid, radius: float, margin: float
+) -> Found:
+    """One probe: outward cell by cell to the first entry, or, where p is cut away, inward as far as the cut goes."""
     at = 0.0
     level = math.sqrt(n[0] * n[0] + n[1] * n[1])
     step = margin / level if level > 0.0 else math.inf
-    while best > 0.0 and at < best:
+    while found[0] > 0.0 and at < found[0]:
         cell = _cell(p[0] + at * n[0], p[1] + at * n[1], grid)
         if cell >= 0:
-            best, owner = _outward(p, n, at, best, owner, layers, (starts[cell], starts[cell + 1]), radius)
+            found = _outward(p, n, at, found, layers, (starts[cell], starts[cell + 1]), radius)
         at += step
     before = 1.0
-    while best <= 0.0 and best < before:
-        before = best
-        cell = _cell(p[0] + best * n[0], p[1] + best * n[1], grid)
+    while found[0] <= 0.0 and found[0] < before:
+        before = found[0]
+        cell = _cell(p[0] + before * n[0], p[1] + before * n[1], grid)
         if cell >= 0:
-            best, owner = _inward(p, n, best, owner, layers, (starts[cell], starts[cell + 1]), radius)
-    return best, owner
+            found = _inward(p, n, found, layers, (starts[cell], starts[cell + 1]), radius)
+    return found
 
 
 @compiled
@@ -249,8 +242,9 @@ def heights(
     margin: float,
     out: Floats,
     owners: Ints,
+    places: Floats,
 ) -> None:
-    """Height along every normal at which the cutter's way begins (inf beyond `reach`), and the piece that cut there.
+    """Height along every normal at which the cutter's way begins (inf beyond `reach`), the piece that cut there, its s.
 
     The piece of the last probe is tried first: neighbours are cut by the same one, and all others are then far.
     """
@@ -258,12 +252,13 @@ def heights(
     for k in range(len(points)):
         p = (points[k, 0], points[k, 1], points[k, 2])
         n = (normals[k, 0], normals[k, 1], normals[k, 2])
-        best, owner = reach, -1
+        found = (reach, -1, 0.0)
         if guess >= 0:
-            entry, _ = _piece_entry(p, n, layers[3], layers[2], guess, radius, reach)
+            entry, s = _piece_entry(p, n, layers[3], layers[2], guess, radius, reach)
             if 0.0 < entry < reach:
-                best, owner = entry, guess
-        best, owner = _cut(p, n, best, owner, layers, starts, grid, radius, margin)
-        out[k] = best if owner >= 0 else math.inf
-        owners[k] = owner
-        guess = owner
+                found = (entry, guess, s)
+        found = _cut(p, n, found, layers, starts, grid, radius, margin)
+        guess = found[1]
+        out[k] = found[0] if guess >= 0 else math.inf
+        owners[k] = guess
+        places[k] = found[2]

@@ -1,0 +1,150 @@
+"""Where the highest scallops and the deepest gouges may be, so that few places need an exact search.
+
+Scallops: between two neighbouring probes cut by different passes the two cuts meet in a cusp, estimated by a parabola
+from each side. Gouges: the ball's foot on the design, estimated for the middle and the ends of every piece of the way.
+Estimates only choose places; every figure that is reported is measured there anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from sim.grid import Net
+from sim.probe import Heights, Probes
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Seeds:
+    """n places on one patch, uv (n, 2), with the deviation expected there, expected_mm (n,)."""
+
+    uv: Floats
+    expected_mm: Floats
+
+
+def cusp_seeds(net: Net, found: Heights, probes: Probes, is_counted: Flags, limit: int) -> Seeds:
+    """The most promising summits of material left: probes no neighbour exceeds, and cusps between neighbours.
+
+    `is_counted` (n, m) leaves out probes that no ball can touch; at most `limit` seeds, highest first.
+    """
+    n, m = net.area_mm2.shape
+    heights = found.height_mm.reshape(n, m)
+    usable = is_counted & np.isfinite(heights)
+    i, j = np.nonzero(_summits(np.where(is_counted, heights, -np.inf)) & usable)
+    uv, expected, cells = [_uv(net, i, j, i, j, 0.0)], [heights[i, j]], [_block(i, j)]
+    centres = probes.centres(found).reshape(n, m, 3)
+    ways = probes.chords[found.piece, 3:6].reshape(n, m, 3)
+    for down, right in ((1, 0), (0, 1)):
+        a, b = np.nonzero(usable[: n - down, : m - right] & usable[down:, right:])
+        share, height = _cusps(net, heights, centres, ways, (a, b), (a + down, b + right), probes.tool.corner_mm)
+        at = np.flatnonzero(np.isfinite(height))
+        a, b = a[at], b[at]
+        uv.append(_uv(net, a, b, a + down, b + right, share[at]))
+        expected.append(height[at])
+        cells.append(_block(a, b))
+    return _thinned(np.concatenate(uv), np.concatenate(expected), np.concatenate(cells), limit)
+
+
+def pit_seeds(net: Net, found: Heights, probes: Probes, limit: int) -> Seeds:
+    """The most promising gouges: probes no neighbour undercuts, and feet of the ball all along the way."""
+    n, m = net.area_mm2.shape
+    heights = found.height_mm.reshape(n, m)
+    i, j = np.nonzero(_summits(-heights) & (heights < 0))
+    uv, expected, cells = [_uv(net, i, j, i, j, 0.0)], [-heights[i, j]], [_block(i, j)]
+    points = net.points.reshape(-1, 3)
+    known = np.flatnonzero(np.isfinite(points).all(axis=1))
+    pieces = probes.sweep.coefficients
+    powers = np.array([0.0, 0.5])[:, None] ** np.arange(4)
+    ways = np.concatenate([np.einsum("sk,nkx->snx", powers, pieces).reshape(-1, 3), probes.sweep.ends[-1:]])
+    reach_mm = 2 * probes.tool.corner_mm
+    distance, nearest = (
+        np.asarray(each) for each in cKDTree(points[known]).query(ways, distance_upper_bound=reach_mm, workers=-1)
+    )
+    is_near = np.isfinite(distance)
+    ways, nearest = ways[is_near], known[nearest[is_near]]
+    i, j = np.divmod(nearest, m)
+    feet, gap = _feet(net, _uv(net, i, j, i, j, 0.0), ways)
+    depth = probes.tool.corner_mm - gap
+    uv.append(feet)
+    expected.append(depth)
+    cells.append(_block(i, j))
+    seeds = _thinned(np.concatenate(uv), np.concatenate(expected), np.concatenate(cells), limit)
+    return Seeds(seeds.uv, -seeds.expected_mm)
+
+
+def _cusps(
+    net: Net,
+    heights: Floats,
+    centres: Floats,
+    ways: Floats,
+    one: tuple[Ints, Ints],
+    two: tuple[Ints, Ints],
+    radius: float,
+) -> tuple[Floats, Floats]:
+    """(share of the way from probe one to two, height) where the cuts of two passes cross; -inf where they do not."""
+    step = net.points[two] - net.points[one]
+    length = np.linalg.norm(step, axis=1)
+    toward = step / length[:, None]
+    slope_one, slope_two = (_slope(net, heights, centres, at, toward) for at in (one, two))
+    bend = 1.0 / radius
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = heights[one] - heights[two] + slope_two * length - bend * length**2 / 2
+        at = at / (slope_two - slope_one - bend * length)
+        height = heights[one] + slope_one * at + bend * at**2 / 2
+        is_peak = (at > 0) & (at < length) & (slope_one + bend * at > 0) & (slope_two + bend * (at - length) < 0)
+    apart = np.linalg.norm(np.cross(centres[two] - centres[one], ways[one]), axis=1)
+    is_peak &= apart > 0.25 * length * np.linalg.norm(ways[one], axis=1)
+    return at / length, np.where(is_peak, height, -np.inf)
+
+
+def _slope(net: Net, heights: Floats, centres: Floats, at: tuple[Ints, Ints], toward: Floats) -> Floats:
+    """Rise of the cut surface over the design at a probe, in the direction `toward`, from the ball that cut there."""
+    spoke = net.points[at] + heights[at][:, None] * net.normals[at] - centres[at]
+    facing = np.einsum("ij,ij->i", spoke, net.normals[at])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(-np.einsum("ij,ij->i", spoke, toward) / facing)
+
+
+def _feet(net: Net, uv: Floats, ways: Floats) -> tuple[Floats, Floats]:
+    """Parameters of the points of the design nearest to places of the way, and their distance, by two Newton steps."""
+    for _ in range(2):
+        frames = net.patch.frames(uv)
+        uv = net.patch.clipped(uv + frames.parameters_of(ways - frames.points))
+    return uv, np.linalg.norm(ways - net.patch.frames(uv).points, axis=1)
+
+
+def _summits(heights: Floats) -> Flags:
+    """(n, m): whether no neighbour is higher; the border has no neighbours outside."""
+    padded = np.pad(heights, 1, constant_values=-np.inf)
+    n, m = heights.shape
+    found = np.ones((n, m), dtype=bool)
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1), (2, 2)):
+        found &= heights >= padded[i : i + n, j : j + m]
+    return found
+
+
+def _uv(net: Net, i: Ints, j: Ints, p: Ints, q: Ints, share: Floats | float) -> Floats:
+    """Parameters (n, 2) this share of the way from node (i, j) to node (p, q)."""
+    u = net.u[i] + share * (net.u[p] - net.u[i])
+    v = net.v[j] + share * (net.v[q] - net.v[j])
+    return np.stack([u, v], axis=1)
+
+
+def _block(i: Ints, j: Ints) -> Ints:
+    """Number of the block of 8 x 8 nodes that a node is in."""
+    return np.asarray((i // 8) * (1 << 32) + j // 8)
+
+
+def _thinned(uv: Floats, expected: Floats, cells: Ints, limit: int) -> Seeds:
+    """The highest seed of every block, the highest `limit` of these."""
+    order = np.argsort(-expected, kind="stable")
+    _, first = np.unique(cells[order], return_index=True)
+    kept = order[np.sort(first)][:limit]
+    return Seeds(uv[kept], expected[kept])
