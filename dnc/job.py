@@ -111,6 +111,7 @@ class Job:
 
     def _finished(self, ended_s: float) -> Finished:
         sender = self.sender
+        code, sentence = self._verdict()
         report = send_report(
             sender,
             self.profile.control,
@@ -126,8 +127,8 @@ class Job:
             handshake=self.profile.link.handshake,
             bound_assured=self.port.is_bound_assured and self.port.flow is Flow.BYTES,
             realtime=self._is_realtime,
+            exit_code=code,
         )
-        code, sentence = self._verdict()
         with contextlib.suppress(OSError):
             append_record(state_folder(), report)
         leave_mark(self.port.identity, report)

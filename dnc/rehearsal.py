@@ -8,6 +8,7 @@ import select
 import subprocess
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 from dnc.errors import PortUnavailable
 
@@ -27,7 +28,7 @@ def rehearsal_mill(machine: str, speed: float) -> Iterator[tuple[str, int]]:
         _end(child)
 
 
-def _first_line(child: subprocess.Popen[bytes]) -> dict[str, object]:
+def _first_line(child: subprocess.Popen[bytes]) -> dict[str, Any]:
     assert child.stdout is not None
     readable, _, _ = select.select([child.stdout], [], [], _READY_S)
     line = child.stdout.readline() if readable else b""

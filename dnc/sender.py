@@ -111,7 +111,9 @@ class Sender:
         return self._move(Cause.ABORT, now_s)
 
     def lost(self, now_s: float, why: str) -> list[Event]:
-        """The port is gone."""
+        """The port is gone; no fault if the control had stopped reading behind the end of the program."""
+        if self._is_only_trailer_left(now_s):
+            return self._leave_trailer(now_s)
         return self._alarmed(Cause.LOST, alarms.PORT_LOST, why, now_s)
 
     def fault(self, kind: alarms.Kind, detail: str, now_s: float) -> list[Event]:
@@ -232,16 +234,23 @@ class Sender:
         held_s = now_s - self._since_s
         if self._stop_at is not None and self._stop_at <= self.offset_bytes:
             return self._stop_if_reached(now_s)
-        if self.offset_bytes >= self.tape.end.essential_bytes and held_s >= _TRAILER_WAIT_S:
-            left = self.tape.size_bytes - self.offset_bytes
-            self.note = f"the control stopped reading after the end of the program; {left} bytes of trailer not taken"
-            return self._move(Cause.TRAILER_LEFT, now_s)
+        if held_s >= _TRAILER_WAIT_S and self._is_only_trailer_left(now_s):
+            return self._leave_trailer(now_s)
         if 0 < self.rules.hold_timeout_s <= held_s:
             return self._alarmed(Cause.HOLD_TIMEOUT, alarms.HOLD_TIMEOUT, f"{held_s:.0f} s", now_s)
         if 0 < self.rules.hold_warning_s <= held_s and not self._is_hold_warned:
             self._is_hold_warned = True
             return [alarms.LONG_HOLD.at(now_s, self.offset_bytes, f"{held_s:.0f} s")]
         return []
+
+    def _is_only_trailer_left(self, now_s: float) -> bool:
+        is_essential_gone = self.offset_bytes >= self.tape.end.essential_bytes and now_s >= self.clock.idle_at_s
+        return self.state is JobState.HELD and is_essential_gone
+
+    def _leave_trailer(self, now_s: float) -> list[Event]:
+        left = self.tape.size_bytes - self.offset_bytes
+        self.note = f"the control stopped reading after the end of the program; {left} bytes of trailer not taken"
+        return self._move(Cause.TRAILER_LEFT, now_s)
 
     def _next_hold_deadline_s(self) -> float:
         waits = [limit for limit in (self.rules.hold_timeout_s,) if limit > 0]

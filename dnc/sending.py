@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ import msgspec
 from dnc.aftermath import refuse_dirty_control
 from dnc.errors import InputRejected, SettingsRejected
 from dnc.hooks import hooks_of
-from dnc.job import Finished, Job
+from dnc.job import Finished, Job, pace_of
 from dnc.names import JobNames, new_job_id
 from dnc.places import config_folder, state_folder
 from dnc.port import Port, SerialPort
@@ -115,6 +116,21 @@ def refuse_overrun(tape: Tape, profile: MachineProfile, port: Port, *, is_forced
     )
 
 
+def line_warnings(profile: MachineProfile, port: Port) -> list[str]:
+    """What must be said before the first byte leaves: no bound, or a bound beyond what the control forgives."""
+    link, allowed = profile.link, profile.control.overrun_allowed_bytes
+    if not port.is_bound_assured:
+        return [f"bound not assured: {port.name} is behind a network, XOFF arrives at no bounded time"]
+    if link.handshake != "xonxoff":
+        return []
+    pace = pace_of(link)
+    overshoot = pace.inflight_max_bytes + math.ceil(link.adapter_latency_s / pace.byte_s)
+    if overshoot <= allowed:
+        return []
+    what = f"up to {overshoot} bytes may arrive after XOFF, this control forgives {allowed}"
+    return [f"{what}; use --handshake driver (the chip obeys XOFF) or rtscts"]
+
+
 def open_port(name: str, link: Link) -> Port:
     """A device, a pty, or a port behind a network."""
     if "://" in name:
@@ -136,6 +152,8 @@ def _port(wishes: Wishes, profile: MachineProfile) -> Iterator[tuple[Port, Machi
 
 
 def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes) -> Finished:
+    for warning in line_warnings(profile, port):
+        click.echo(f"dnc: warning: {warning}", err=True)
     names = JobNames(new_job_id(), str(wishes.program), wishes.machine)
     job = Job(tape, port, profile, names, [event_lines(port.is_simulated), *hooks_of(wishes.hook, wishes.webhook)])
     with Progress(job.sender, port.is_simulated, sys.stderr):

@@ -41,11 +41,11 @@ def test_held_and_resumed(tmp_path: Path) -> None:
     sender.start(0.0)
     first = sender.take(1000, 0.0)
     held = sender.hear(XOFF, 0.0005)
-    assert [event for event in held if isinstance(event, Held)][0].inflight_bytes == 3
+    assert next(event for event in held if isinstance(event, Held)).inflight_bytes == 3
     assert sender.state is JobState.HELD
     assert sender.take(1000, 1.0) == b""
     resumed = sender.hear(XON, 2.0)
-    assert [event for event in resumed if isinstance(event, Resumed)][0].held_s == pytest.approx(1.9995)
+    assert next(event for event in resumed if isinstance(event, Resumed)).held_s == pytest.approx(1.9995)
     out, _ = drain(sender, 2.0)
     assert first + out == PROGRAM
     assert sender.tally.held_s == pytest.approx(1.9995)

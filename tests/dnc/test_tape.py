@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import resource
+import signal
 from pathlib import Path
 
 import pytest
@@ -154,11 +155,9 @@ def test_a_file_that_changes_does_not_reach_the_line(tmp_path: Path) -> None:
 def test_disk_full_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """(5.6) A spool that cannot grow ends before anything is sent, and leaves no descriptor open."""
     monkeypatch.setattr(spool, "_MEMORY_BYTES", 0)
-    before = len(os.listdir("/proc/self/fd"))
+    before = len(list(Path("/proc/self/fd").iterdir()))
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     (tmp_path / "part.mpf").write_bytes(b"G1 X1\n" * 100_000)
-    import signal
-
     old = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (65536, hard))
     try:
@@ -167,7 +166,7 @@ def test_disk_full_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         signal.signal(signal.SIGXFSZ, old)
-    assert len(os.listdir("/proc/self/fd")) == before
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
 
 
 @pytest.mark.soak

@@ -8,6 +8,7 @@ import select
 import subprocess
 import sys
 from pathlib import Path
+from typing import Self
 
 from dnc import profile
 from dnc.events import Alarm, Event, JobState, StateChanged
@@ -60,7 +61,7 @@ class PeerProcess:
         self._child = subprocess.Popen([sys.executable, str(PEER), *words], stdout=subprocess.PIPE)
         self.pty = str(self._line()["pty"])
 
-    def __enter__(self) -> PeerProcess:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_exc: object) -> None:
@@ -102,7 +103,7 @@ class SendProcess:
             text=True,
         )
 
-    def __enter__(self) -> SendProcess:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_exc: object) -> None:

@@ -18,6 +18,7 @@ import sys
 import time
 import tty
 from dataclasses import dataclass, field
+from pathlib import Path
 
 XON, XOFF = 0x11, 0x13
 
@@ -36,6 +37,7 @@ class Settings:
     quiet_s: float = 0.5
     mask_bytes: int = 0
     say_first: str = ""
+    first_delay_s: float = 0.3
     never_xon: int = 0
     hang_up_after_bytes: int = 0
     reset_after_bytes: int = 0
@@ -104,10 +106,10 @@ class Peer:
             self.next_byte_s = self.next_byte_s + self.byte_s if self.fifo else math.inf
         self.fill = max(0.0, self.fill - (now_s - self.last_s) * self.settings.eat_bytes_s)
         self.last_s = now_s
-        if self.is_holding and self.fill <= self.settings.xon_fill_bytes and not self.settings.never_xon:
-            if not self.has_stopped_reading:
-                self.is_holding = False
-                self.send(XON, now_s)
+        is_stuck = self.settings.never_xon or self.has_stopped_reading
+        if self.is_holding and self.fill <= self.settings.xon_fill_bytes and not is_stuck:
+            self.is_holding = False
+            self.send(XON, now_s)
         while self.outgoing and self.outgoing[0][0] <= now_s:
             os.write(self.master, bytes([self.outgoing.pop(0)[1]]))
 
@@ -164,8 +166,7 @@ class Peer:
     def report(self) -> None:
         seen = self.seen
         if self.settings.record:
-            with open(self.settings.record, "wb") as file:
-                file.write(seen.data)
+            Path(self.settings.record).write_bytes(seen.data)
         values = {
             "bytes_received": seen.bytes_received,
             "overrun_bytes": seen.overrun_bytes,
@@ -174,7 +175,8 @@ class Peer:
             "late_s_max": seen.late_s_max,
             "sha256": hashlib.sha256(bytes(seen.data)).hexdigest(),
         }
-        print(json.dumps(values), flush=True)
+        sys.stdout.write(json.dumps(values) + "\n")
+        sys.stdout.flush()
 
 
 def main(words: list[str]) -> None:
@@ -188,9 +190,10 @@ def main(words: list[str]) -> None:
         raise SystemExit(peer.report())
 
     signal.signal(signal.SIGTERM, on_term)
-    print(json.dumps({"pty": peer.name}), flush=True)
+    sys.stdout.write(json.dumps({"pty": peer.name}) + "\n")
+    sys.stdout.flush()
     for code in bytes.fromhex(settings.say_first):
-        peer.send(code, time.monotonic() + 0.3)
+        peer.send(code, time.monotonic() + settings.first_delay_s)
     peer.run()
     peer.report()
 

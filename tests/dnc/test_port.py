@@ -1,0 +1,260 @@
+"""Opening, locking and losing a port; the termios rim by values (1.3, 5.3, 5.4, 5.5)."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import pty
+import select
+import termios
+import time
+import tty
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from dnc.errors import PortLost, PortUnavailable
+from dnc.locks import UucpLock, lock_name
+from dnc.port import SerialPort, difference, identity_of, parity_table, refused_settings, set_flow_characters
+from dnc.profile import Link
+
+COARSE_CLOCK = 5
+"""The clock that dates files."""
+
+
+@pytest.fixture
+def cable() -> Iterator[tuple[int, str]]:
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    yield master, os.ttyname(slave)
+    os.close(slave)
+    os.close(master)
+
+
+def test_a_pty_is_simulated_and_carries_bytes(cable: tuple[int, str]) -> None:
+    master, name = cable
+    port = SerialPort(name, Link(format="7E2"))
+    assert port.is_simulated
+    assert port.write(b"G1\n") == 3
+    assert os.read(master, 10) == b"G1\n"
+    os.write(master, b"\x13")
+    select.select([port.fileno()], [], [], 5)
+    assert port.read() == b"\x13"
+    assert port.read() == b""
+    assert port.close()
+
+
+@pytest.mark.parametrize("baud", [110, 300, 1200, 9600, 12345, 115200, 1152000])
+def test_every_rate(cable: tuple[int, str], baud: int) -> None:
+    """(5.4) Standard and custom rates."""
+    assert SerialPort(cable[1], Link(baud=baud)).close()
+
+
+@pytest.mark.parametrize("form", ["5N1.5", "6O1", "7E1", "7M1", "8N2", "8S1"])
+def test_every_format(cable: tuple[int, str], form: str) -> None:
+    """(5.4)"""
+    assert SerialPort(cable[1], Link(format=form)).close()
+
+
+def test_a_second_sender_is_told_who_holds_the_port(cable: tuple[int, str]) -> None:
+    """(5.5; faults A4, O1)"""
+    first = SerialPort(cable[1], Link())
+    with pytest.raises(PortUnavailable, match=f"already in use by process {os.getpid()}"):
+        SerialPort(cable[1], Link())
+    assert first.close()
+    assert SerialPort(cable[1], Link()).close()
+
+
+def test_a_program_that_locks_without_lock_file_is_named_too(cable: tuple[int, str]) -> None:
+    """(5.5)"""
+    fd = os.open(cable[1], os.O_RDWR | os.O_NOCTTY)
+    fcntl.flock(fd, fcntl.LOCK_EX)
+    with pytest.raises(PortUnavailable, match=f"already in use by (process {os.getpid()}|another program)"):
+        SerialPort(cable[1], Link())
+    os.close(fd)
+    assert SerialPort(cable[1], Link()).close()
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("/dev/no-such-port", "No such file"), ("/dev/null", "not a serial port"), ("/tmp", "Is a directory")],
+)
+def test_what_is_no_port(name: str, words: str) -> None:
+    """(1.3)"""
+    with pytest.raises(PortUnavailable, match=words):
+        SerialPort(name, Link())
+
+
+def test_a_pty_has_no_modem_lines(cable: tuple[int, str]) -> None:
+    """(5.3)"""
+    for handshake in ("rtscts", "dtrdsr"):
+        with pytest.raises(PortUnavailable, match="no modem lines"):
+            SerialPort(cable[1], Link(handshake=handshake))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("action", ["read", "write"])
+@pytest.mark.parametrize("problem", [OSError(errno.EIO, "I/O"), OSError(errno.ENXIO, "gone")])
+def test_every_error_is_one_port_lost(
+    cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch, action: str, problem: OSError
+) -> None:
+    """(5.5)"""
+    port = SerialPort(cable[1], Link())
+
+    def broken(*_args: object) -> int:
+        raise problem
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, action, broken)
+        with pytest.raises(PortLost):
+            port.read() if action == "read" else port.write(b"x")
+    port.close()
+
+
+def test_eagain_is_not_an_error(cable: tuple[int, str]) -> None:
+    """(5.5) A full pty accepts part, then nothing."""
+    port = SerialPort(cable[1], Link())
+    accepted = port.write(b"x" * 100_000)
+    assert 0 < accepted < 100_000
+    while port.write(b"x" * 1000):
+        pass
+    assert port.write(b"x") == 0
+    port.close()
+
+
+def test_termios_error_is_port_lost(cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """(5.5)"""
+    port = SerialPort(cable[1], Link())
+    port.is_simulated = False
+
+    def broken(_fd: int) -> list[object]:
+        raise termios.error(errno.EIO, "I/O")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(termios, "tcgetattr", broken)
+        with pytest.raises(PortLost):
+            port.changed_settings()
+    port.close()
+
+
+def test_a_hang_up_is_port_lost() -> None:
+    """(5.5; fault A1)"""
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    port = SerialPort(os.ttyname(slave), Link())
+    os.close(slave)
+    os.close(master)
+    with pytest.raises(PortLost, match="unplugged or its other end closed"):
+        port.read()
+    with pytest.raises(PortLost):
+        port.write(b"x")
+    assert port.close()
+
+
+def test_settings_that_the_driver_dropped_are_found() -> None:
+    """(5.4; fault A8) By values: size, parity, stop bits."""
+    seven_even_two = termios.CS7 | termios.PARENB | termios.CSTOPB
+    link = Link(format="7E2")
+    assert refused_settings([0, 0, seven_even_two, 0, 13, 13, []], link) == ""
+    assert refused_settings([0, 0, termios.CS8, 0, 13, 13, []], link) == "7 data bits"
+    assert refused_settings([0, 0, termios.CS7 | termios.CSTOPB, 0, 13, 13, []], link) == "parity E"
+    assert refused_settings([0, 0, termios.CS7 | termios.PARENB, 0, 13, 13, []], link) == "2 stop bits"
+    assert (
+        refused_settings([0, 0, termios.CS8 | termios.CSTOPB, 0, 13, 13, []], Link(format="7E2", software_parity=True))
+        == ""
+    )
+
+
+def test_foreign_changes_are_named() -> None:
+    """(5.4; fault A5)"""
+    before = [0, 0, termios.CS8, 0, 13, 13, [b"\0"]]
+    assert difference(before, list(before)) == ""
+    assert (
+        difference(before, [termios.IXON, 0, termios.CS8, 0, 15, 15, [b"\0"]])
+        == "input flags, input baud rate, baud rate"
+    )
+
+
+def test_software_parity() -> None:
+    """(5.4) Even parity makes every byte's ones even; DC3 leaves as 0x93."""
+    even, odd = parity_table("7E1"), parity_table("7O1")
+    assert (even[0x13], even[0x11], odd[0x13]) == (0x93, 0x11, 0x13)
+    assert all(code.bit_count() % 2 == 0 for code in even)
+    assert all(code.bit_count() % 2 == 1 for code in odd)
+    with pytest.raises(PortUnavailable, match="software parity"):
+        parity_table("8E1")
+
+
+def test_software_parity_on_the_wire(cable: tuple[int, str]) -> None:
+    """(5.4) 7E1 where the driver cannot: the parity bit is in the bytes."""
+    master, name = cable
+    port = SerialPort(name, Link(format="7E1", software_parity=True))
+    port.write(b"G1\n")
+    data = os.read(master, 10)
+    assert bytes(code & 0x7F for code in data) == b"G1\n"
+    assert all(code.bit_count() % 2 == 0 for code in data)
+    port.close()
+
+
+def test_custom_flow_characters_reach_the_driver(cable: tuple[int, str]) -> None:
+    """(5.3) Driver handshake: the kernel obeys our characters, and a held pty takes nothing."""
+    master, name = cable
+    port = SerialPort(name, Link(handshake="driver", xon=0x91, xoff=0x93))
+    settings = termios.tcgetattr(port.fileno())
+    assert settings[0] & termios.IXON
+    assert (settings[6][termios.VSTART], settings[6][termios.VSTOP]) == (b"\x91", b"\x93")
+    os.write(master, b"\x93")
+    assert eventually(lambda: port.write(b"x") == 0)
+    os.write(master, b"\x91")
+    assert eventually(lambda: port.write(b"x") == 1)
+    set_flow_characters(port.fileno(), Link())
+    assert termios.tcgetattr(port.fileno())[6][termios.VSTOP] == b"\x13"
+    port.close()
+
+
+def eventually(is_so: Callable[[], bool]) -> bool:
+    """The kernel hands the control's bytes over in a worker of its own."""
+    end_s = time.monotonic() + 5
+    while time.monotonic() < end_s:
+        if is_so():
+            return True
+    return False
+
+
+def test_lock_files(tmp_path: Path) -> None:
+    """(5.5) UUCP locks: a living holder is named, a dead one's file is taken over, ours is removed."""
+    device = Path("/dev/ttyUSB7")
+    lock = UucpLock(device, tmp_path)
+    path = tmp_path / lock_name(device)
+    assert lock.acquire() is None
+    assert int(path.read_text()) == os.getpid()
+    other = UucpLock(device, tmp_path).acquire()
+    assert other is not None
+    assert str(os.getpid()) in other
+    lock.release()
+    assert not path.exists()
+    path.write_text("  99999999\n")
+    assert lock.acquire() is None
+    lock.release()
+    path.write_text("not a pid")
+    assert lock.acquire() is None
+    lock.release()
+
+
+def test_a_pty_born_anew_is_another_port() -> None:
+    """(5.5) The same name later is not the same control."""
+    first = pty.openpty()
+    name = Path(os.ttyname(first[1]))
+    before = identity_of(name)
+    assert before == identity_of(name)
+    for fd in first:
+        os.close(fd)
+    ticked_s = time.clock_gettime(COARSE_CLOCK)
+    while time.clock_gettime(COARSE_CLOCK) == ticked_s:
+        pass
+    second = pty.openpty()
+    if Path(os.ttyname(second[1])) == name:
+        assert identity_of(name) != before
+    for fd in second:
+        os.close(fd)

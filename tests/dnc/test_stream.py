@@ -1,0 +1,260 @@
+"""The loop between a real pty and the sender: exact bytes, partial writes, faults, commands, CPU (1.3, 5.5, 5.7)."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pty
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import pytest
+
+from dnc.errors import PortLost
+from dnc.events import Alarm, Event, JobState
+from dnc.journal import UNBOUNDED
+from dnc.pacing import Pace
+from dnc.port import Flow, SerialPort
+from dnc.profile import Link
+from dnc.stream import Command, Stream
+from tests.helpers.line import XOFF, XON, sender_of, tape_of
+
+FAST = Pace(byte_s=20e-6, inflight_max_bytes=64, lag_s=0.0, slack=0.0)
+PROGRAM = b"".join(b"N%d G1 X%d\n" % (index * 10, index) for index in range(1, 401)) + b"M30\n%\n"
+
+
+class NoJournal:
+    """Lets everything leave at once."""
+
+    bound_bytes = UNBOUNDED
+    problem = ""
+
+    def note(self, sent_bytes: int, state: JobState) -> None:
+        pass
+
+
+@dataclass
+class Cable:
+    """A pty: our end as a Port, the control's end as a descriptor."""
+
+    master: int
+    name: str
+
+    def read_all(self, count: int, timeout_s: float = 20.0) -> bytes:
+        data, end_s = b"", time.monotonic() + timeout_s
+        while len(data) < count and time.monotonic() < end_s:
+            data += os.read(self.master, 65536)
+        return data
+
+
+@pytest.fixture
+def cable() -> Iterator[Cable]:
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    yield Cable(master, os.ttyname(slave))
+    for fd in (master, slave):
+        with contextlib.suppress(OSError):
+            os.close(fd)
+
+
+class Running:
+    """A stream in a thread, its events collected."""
+
+    def __init__(self, tmp_path: Path, cable: Cable, pace: Pace = FAST, data: bytes = PROGRAM, **rules: object) -> None:
+        self.port = SerialPort(cable.name, Link())
+        self.sender = sender_of(tape_of(tmp_path, data), pace, **rules)
+        self.events: list[Event] = []
+        self.changed = threading.Condition()
+        self.stream = Stream(self.sender, self.port, NoJournal(), self._add)  # type: ignore[arg-type]
+        self.thread = threading.Thread(target=self.stream.run)
+
+    def _add(self, event: Event) -> None:
+        with self.changed:
+            self.events.append(event)
+            self.changed.notify_all()
+
+    def wait_for(self, state: JobState) -> None:
+        with self.changed:
+            assert self.changed.wait_for(lambda: self.sender.state is state, 10), self.sender.state
+
+    def __enter__(self) -> Self:
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        self.stream.command(Command.ABORT)
+        self.thread.join(10)
+        self.port.close()
+        self.stream.close()
+        assert not self.thread.is_alive()
+
+
+def test_the_exact_bytes_arrive(tmp_path: Path, cable: Cable) -> None:
+    """(1.3)"""
+    with Running(tmp_path, cable) as running:
+        assert cable.read_all(len(PROGRAM)) == PROGRAM
+        running.wait_for(JobState.SENT)
+
+
+def test_a_full_queue_loses_and_repeats_nothing(tmp_path: Path, cable: Cable) -> None:
+    """(5.5) Partial writes and EAGAIN: the pty takes 4 kB, then nothing until it is read."""
+    data = PROGRAM * 12
+    pace = Pace(byte_s=1e-7, inflight_max_bytes=3000, lag_s=0.0, slack=0.0)
+    with Running(tmp_path, cable, pace, data) as running:
+        assert cable.read_all(len(data)) == data
+        running.wait_for(JobState.SENT)
+
+
+def test_no_core_spins_while_held_or_full(tmp_path: Path, cable: Cable) -> None:
+    """(1.3, 5.2; fault A9) A hold and a full queue cost next to nothing."""
+    with Running(tmp_path, cable) as running:
+        os.write(cable.master, XOFF)
+        running.wait_for(JobState.HELD)
+        before_s = time.process_time()
+        threading.Event().wait(1.0)
+        assert time.process_time() - before_s < 0.02
+    pace = Pace(byte_s=1e-7, inflight_max_bytes=3000, lag_s=0.0, slack=0.0)
+    with Running(tmp_path, cable, pace, PROGRAM * 12):
+        threading.Event().wait(0.2)
+        before_s = time.process_time()
+        threading.Event().wait(1.0)
+        assert time.process_time() - before_s < 0.02
+
+
+def test_held_pause_resume_abort(tmp_path: Path, cable: Cable) -> None:
+    """(5.7)"""
+    slow = Pace(byte_s=1e-3, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
+    with Running(tmp_path, cable, slow) as running:
+        running.wait_for(JobState.SENDING)
+        os.write(cable.master, XOFF)
+        running.wait_for(JobState.HELD)
+        os.write(cable.master, XON)
+        running.wait_for(JobState.SENDING)
+        running.stream.command(Command.PAUSE)
+        running.wait_for(JobState.PAUSED)
+        assert not running.sender.is_cut
+        os.write(cable.master, XON)
+        running.stream.command(Command.RESUME)
+        running.wait_for(JobState.SENDING)
+        running.stream.command(Command.ABORT)
+        running.wait_for(JobState.ABORTED)
+
+
+def test_unplugged_in_the_middle(tmp_path: Path, cable: Cable) -> None:
+    """(1.3, 5.5; fault A1) The other end closes: one alarm within a second, FAULTED."""
+    slow = Pace(byte_s=1e-3, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
+    with Running(tmp_path, cable, slow) as running:
+        running.wait_for(JobState.SENDING)
+        slave = next(fd for fd in range(3, 64) if _is_slave(fd, cable.name) and fd != running.port.fileno())
+        os.close(slave)
+        before_s = time.monotonic()
+        os.close(cable.master)
+        running.wait_for(JobState.FAULTED)
+        assert time.monotonic() - before_s < 1.0
+        assert [event.id for event in running.events if isinstance(event, Alarm)] == ["DNC-A1"]
+
+
+def _is_slave(fd: int, name: str) -> bool:
+    try:
+        return os.ttyname(fd) == name
+    except OSError:
+        return False
+
+
+class BrokenPort:
+    """A port that fails in a chosen way at its first write."""
+
+    name = identity = "broken"
+    flow = Flow.BYTES
+    is_simulated = True
+    is_bound_assured = True
+
+    def __init__(self, fails: Exception) -> None:
+        self._read, self._write = os.pipe()
+        self.fails = fails
+        self.is_purged = False
+
+    def fileno(self) -> int:
+        return self._read
+
+    def write(self, data: bytes) -> int:
+        raise self.fails
+
+    def queued_bytes(self) -> int:
+        return 0
+
+    def changed_settings(self) -> str:
+        return ""
+
+    def purge(self) -> None:
+        self.is_purged = True
+
+    def close(self) -> bool:
+        os.close(self._read)
+        os.close(self._write)
+        return True
+
+
+def test_a_lost_port_purges_and_faults(tmp_path: Path) -> None:
+    """(5.5)"""
+    port = BrokenPort(PortLost("gone"))
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    events: list[Event] = []
+    stream = Stream(sender, port, NoJournal(), events.append)  # type: ignore[arg-type]
+    stream.run()
+    assert sender.state is JobState.FAULTED
+    assert port.is_purged
+    stream.close()
+    port.close()
+
+
+def test_foreign_settings_pause(tmp_path: Path, cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(5.4; fault A5) The check of once a second finds another program's change."""
+    slow = Pace(byte_s=1e-3, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
+    running = Running(tmp_path, cable, slow)
+    monkeypatch.setattr(running.port, "changed_settings", lambda: "baud rate")
+    with running:
+        running.wait_for(JobState.PAUSED)
+        assert [event.id for event in running.events if isinstance(event, Alarm)] == ["DNC-A5"]
+
+
+def test_a_computer_that_slept_pauses(tmp_path: Path, cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(fault H5)"""
+    slow = Pace(byte_s=1e-3, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
+    running = Running(tmp_path, cable, slow)
+    monkeypatch.setattr("dnc.stream._asleep_s", lambda: 3600.0)
+    with running:
+        running.wait_for(JobState.PAUSED)
+        assert "DNC-H5" in [event.id for event in running.events if isinstance(event, Alarm)]
+
+
+def test_a_journal_that_fails_is_an_alarm_once(tmp_path: Path, cable: Cable) -> None:
+    """(fault H2)"""
+    running = Running(tmp_path, cable)
+    running.stream.journal.problem = "No space left on device"
+    with running:
+        assert cable.read_all(len(PROGRAM)) == PROGRAM
+        running.wait_for(JobState.SENT)
+        assert [event.id for event in running.events if isinstance(event, Alarm)] == ["DNC-H2"]
+
+
+def test_nothing_leaves_beyond_the_journal(tmp_path: Path, cable: Cable) -> None:
+    """(5.6; decision 8) The durable bound holds the line back, without spinning, until it moves."""
+    running = Running(tmp_path, cable)
+    journal = NoJournal()
+    journal.bound_bytes = 100
+    running.stream.journal = journal  # type: ignore[assignment]
+    with running:
+        assert len(cable.read_all(100)) == 100
+        before_s = time.process_time()
+        threading.Event().wait(0.5)
+        assert time.process_time() - before_s < 0.02
+        assert running.sender.offset_bytes == 100
+        journal.bound_bytes = UNBOUNDED
+        running.stream.wake()
+        assert cable.read_all(len(PROGRAM) - 100) == PROGRAM[100:]

@@ -1,0 +1,385 @@
+"""`dnc send` as a process against a peer process behind a pty: bytes, exit codes, sentences, reports (1.3, 5.x)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from dnc.journal import read_journal
+from tests.helpers.line import PeerProcess, SendProcess
+
+pytestmark = pytest.mark.system
+SCHEMA = json.loads((Path(__file__).parents[2] / "docs/schemas/send.schema.json").read_text())
+FAST = "--baud=38400"
+
+
+def program_at(folder: Path, blocks: int = 100, end: bytes = b"M30\n") -> Path:
+    path = folder / "part.mpf"
+    path.write_bytes(b"".join(b"N%d G1 X%d.%03d\n" % (n * 10, n, n) for n in range(1, blocks + 1)) + end)
+    return path
+
+
+def checked(report: dict[str, object]) -> dict[str, object]:
+    jsonschema.validate(report, SCHEMA)
+    return report
+
+
+def test_the_bytes_arrive_and_both_ends_agree(tmp_path: Path) -> None:
+    """(1.3, 1.7) Held a few times, no overrun, same hash at both ends, exit 0, valid report, record kept."""
+    program = program_at(tmp_path, 200)
+    with (
+        PeerProcess(baud=38400, buffer_bytes=512, eat_bytes_s=3000, quiet_s=0.3) as peer,
+        SendProcess(tmp_path, program, peer.pty, FAST) as sending,
+    ):
+        code, words = sending.finish()
+        seen = peer.report()
+    report = checked(sending.report())
+    assert code == 0, words
+    assert seen["sha256"] == report["sha256"] == hashlib.sha256(program.read_bytes()).hexdigest()
+    assert seen["overrun_bytes"] == 0
+    assert report["xoff_count"] == seen["xoff_sent"] > 0  # type: ignore[operator]
+    assert report["inflight_at_xoff_bytes_max"] <= report["inflight_max_bytes"] == 3  # type: ignore[operator]
+    assert report["simulated"] is True
+    assert "SIMULATED" in words
+    records = (tmp_path / "state/dnc/records.jsonl").read_text().splitlines()
+    assert [json.loads(line)["sha256"] for line in records] == [report["sha256"]]
+
+
+def test_send_loads_nothing_heavy(tmp_path: Path) -> None:
+    """(design, 2) A whole job without numpy, scipy, textual, matplotlib, pymodbus."""
+    program = program_at(tmp_path, 20)
+    script = (
+        "import sys\nfrom dnc.cli.main import run_with\n"
+        f"code = run_with(['send', {str(program)!r}, '--port', sys.argv[1], '--baud', '38400'])\n"
+        "print(code, sorted({'numpy', 'scipy', 'textual', 'matplotlib', 'pymodbus', 'sim'} & set(sys.modules)))\n"
+    )
+    with PeerProcess(baud=38400, quiet_s=0.3) as peer:
+        environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
+        shown = subprocess.run(
+            [sys.executable, "-c", script, peer.pty],
+            env=environment,
+            capture_output=True,
+            check=False,
+            text=True,
+            timeout=30,
+        )
+    assert shown.stdout.strip() == "0 []", shown.stderr
+
+
+@pytest.mark.parametrize("port", ["/dev/no-such-port", "/dev/null", "socket://127.0.0.1:9"])
+def test_absent_port_is_exit_4(tmp_path: Path, port: str) -> None:
+    """(1.3)"""
+    with SendProcess(tmp_path, program_at(tmp_path), port) as sending:
+        code, words = sending.finish()
+    assert code == 4
+    assert len(words.strip().splitlines()) == 1
+    assert "Traceback" not in words
+
+
+def test_two_senders_on_one_port(tmp_path: Path) -> None:
+    """(1.3, 2.7; faults A4, O1) One job; the second is told by whom the port is used, and disturbs nothing."""
+    program = program_at(tmp_path)
+    (tmp_path / "second").mkdir()
+    with PeerProcess(quiet_s=0.5) as peer, SendProcess(tmp_path, program, peer.pty) as first:
+        wait_for_state(tmp_path, "SENDING")
+        with SendProcess(tmp_path / "second", program, peer.pty) as second:
+            code, words = second.finish()
+        assert (code, str(first.child.pid) in words) == (4, True)
+        assert first.finish()[0] == 0
+        assert peer.report()["sha256"] == hashlib.sha256(program.read_bytes()).hexdigest()
+
+
+def test_unplugged_is_exit_5(tmp_path: Path) -> None:
+    """(1.3; fault A1)"""
+    with (
+        PeerProcess(hang_up_after_bytes=300) as peer,
+        SendProcess(tmp_path, program_at(tmp_path), peer.pty) as sending,
+    ):
+        code, words = sending.finish()
+    report = checked(sending.report())
+    assert code == report["exit_code"] == 5
+    assert report["outcome"] == "FAULTED"
+    assert report["in_doubt"] is not None
+    assert "in doubt" in words
+    assert "Traceback" not in words
+
+
+def test_no_first_xon_is_exit_5(tmp_path: Path) -> None:
+    """(1.3, 5.4; fault C3)"""
+    options = ("--start", "wait-xon", "--start-timeout", "0.5")
+    with PeerProcess() as peer, SendProcess(tmp_path, program_at(tmp_path), peer.pty, *options) as sending:
+        code, words = sending.finish()
+        assert peer.stop()["bytes_received"] == 0
+    assert (code, checked(sending.report())["outcome"]) == (5, "NOT_STARTED")
+    assert "cycle start" in words
+
+
+def test_first_xon_starts(tmp_path: Path) -> None:
+    """(5.4)"""
+    program = program_at(tmp_path, 20)
+    with (
+        PeerProcess(say_first="11", first_delay_s=2.0, quiet_s=0.3, baud=38400) as peer,
+        SendProcess(tmp_path, program, peer.pty, "--start", "wait-xon", FAST) as sending,
+    ):
+        assert sending.finish()[0] == 0
+        assert peer.report()["bytes_received"] == program.stat().st_size
+
+
+def test_hold_timeout_is_exit_5(tmp_path: Path) -> None:
+    """(1.3; fault L1)"""
+    with (
+        PeerProcess(baud=38400, buffer_bytes=400, eat_bytes_s=1, never_xon=1) as peer,
+        SendProcess(tmp_path, program_at(tmp_path), peer.pty, FAST, "--hold-timeout", "0.5") as sending,
+    ):
+        code, words = sending.finish()
+        seen = peer.stop()
+    report = checked(sending.report())
+    assert (code, report["outcome"]) == (5, "FAULTED")
+    assert "--hold-timeout" in words
+    assert seen["overrun_bytes"] == 0
+
+
+@pytest.mark.parametrize("said", [("1316", 6, "ABORTED"), ("1315", 6, "FAULTED")])
+def test_reset_and_alarm_are_exit_6(tmp_path: Path, said: tuple[str, int, str]) -> None:
+    """(faults C1, C2)"""
+    with (
+        PeerProcess(baud=38400, say_after_bytes=300, say=said[0]) as peer,
+        SendProcess(tmp_path, program_at(tmp_path), peer.pty, FAST) as sending,
+    ):
+        code, _ = sending.finish()
+        seen = peer.stop()
+    assert (code, checked(sending.report())["outcome"]) == said[1:]
+    assert seen["bytes_received"] <= 300 + 5  # type: ignore[operator]
+
+
+def wait_for_state(folder: Path, *wanted: str, sent: int = 1) -> dict[str, object]:
+    """Watch the job's socket until it is in one of these states with this many bytes sent."""
+    sockets = folder / "run/dnc"
+    for _ in range(2000):
+        found = list(sockets.glob("job-*.sock")) if sockets.is_dir() else []
+        if found:
+            break
+        signal.sigtimedwait([], 0.01)
+    with socket.socket(socket.AF_UNIX) as watcher:
+        watcher.settimeout(20)
+        watcher.connect(str(found[0]))
+        with watcher.makefile("rb") as lines:
+            for line in lines:
+                values = json.loads(line)
+                if values["state"] in wanted and values["bytes_sent"] >= sent:
+                    assert isinstance(values, dict)
+                    return values
+    raise AssertionError(f"never {wanted}")
+
+
+def test_sigint_stops_purges_and_tells(tmp_path: Path) -> None:
+    """(1.3, 5.7) Exit 7, window printed, journal closed as ABORTED; the next start asks for a reset of the control."""
+    program = program_at(tmp_path, 300)
+    with PeerProcess(quiet_s=0) as peer:
+        with SendProcess(tmp_path, program, peer.pty) as sending:
+            wait_for_state(tmp_path, "SENDING", sent=500)
+            sending.child.send_signal(signal.SIGINT)
+            code, words = sending.finish()
+        report = checked(sending.report())
+        assert (code, report["outcome"]) == (7, "ABORTED")
+        assert "in doubt from line 1 (N10)" in words
+        journal = next((tmp_path / "state/dnc/jobs").glob("*/journal"))
+        last = read_journal(journal)[-1]
+        assert (last.state.value, last.sent_bytes) == ("ABORTED", report["bytes_sent"])
+        with SendProcess(tmp_path, program, peer.pty) as again:
+            code, words = again.finish()
+        assert code == 9
+        assert "--control-was-reset" in words
+        assert 0 <= report["bytes_sent"] - peer.stop()["bytes_received"] <= 3  # type: ignore[operator]
+
+
+def test_sigterm_pauses_at_a_block_end(tmp_path: Path) -> None:
+    """(1.3; fault H7) Exit 143 within 2 s, no block cut."""
+    with (
+        PeerProcess(quiet_s=0.3) as peer,
+        SendProcess(tmp_path, program_at(tmp_path, 300), peer.pty) as sending,
+    ):
+        wait_for_state(tmp_path, "SENDING", sent=500)
+        sending.child.send_signal(signal.SIGTERM)
+        code, _ = sending.finish(timeout_s=5)
+        seen = peer.report()
+    report = checked(sending.report())
+    assert (code, report["outcome"], report["is_block_cut"]) == (143, "PAUSED", False)
+    assert seen["bytes_received"] == report["bytes_sent"]
+
+
+def test_sigterm_while_held_ends_in_time(tmp_path: Path) -> None:
+    """(fault H7) Held in the middle of a block: after 2 s the job is aborted, and the report says that it is cut."""
+    with (
+        PeerProcess(baud=38400, buffer_bytes=401, eat_bytes_s=0.001, never_xon=1) as peer,
+        SendProcess(tmp_path, program_at(tmp_path, 300), peer.pty, FAST) as sending,
+    ):
+        wait_for_state(tmp_path, "HELD")
+        sending.child.send_signal(signal.SIGTERM)
+        code, _ = sending.finish(timeout_s=6)
+    report = checked(sending.report())
+    assert code == 143
+    assert report["outcome"] == ("ABORTED" if report["is_block_cut"] else "PAUSED")
+
+
+def test_sighup_changes_nothing(tmp_path: Path) -> None:
+    """(fault O2) A lost terminal is no reason to stop cutting."""
+    program = program_at(tmp_path)
+    with PeerProcess(quiet_s=0.5) as peer, SendProcess(tmp_path, program, peer.pty) as sending:
+        wait_for_state(tmp_path, "SENDING")
+        sending.child.send_signal(signal.SIGHUP)
+        assert sending.finish()[0] == 0
+        assert peer.report()["bytes_received"] == program.stat().st_size
+
+
+def test_kill_9_leaves_a_bound(tmp_path: Path) -> None:
+    """(decision 8; fault H1) Whatever reached the control lies within the last durable bound."""
+    with PeerProcess(quiet_s=0.5) as peer, SendProcess(tmp_path, program_at(tmp_path, 800), peer.pty) as sending:
+        wait_for_state(tmp_path, "SENDING", sent=700)
+        sending.child.kill()
+        sending.child.wait(10)
+        seen = peer.report()
+    last = read_journal(next((tmp_path / "state/dnc/jobs").glob("*/journal")))[-1]
+    assert 700 <= seen["bytes_received"] <= last.bound_bytes  # type: ignore[operator]
+    assert last.state.value == "SENDING"
+
+
+def test_orders_over_the_socket(tmp_path: Path) -> None:
+    """(5.7) One watcher holds the lease and pauses; another is refused; leaving changes nothing."""
+    program = program_at(tmp_path, 100)
+    with PeerProcess(quiet_s=2.0) as peer, SendProcess(tmp_path, program, peer.pty) as sending:
+        wait_for_state(tmp_path, "SENDING")
+        path = str(next((tmp_path / "run/dnc").glob("job-*.sock")))
+        with socket.socket(socket.AF_UNIX) as one, socket.socket(socket.AF_UNIX) as two:
+            for watcher in (one, two):
+                watcher.settimeout(10)
+                watcher.connect(path)
+            assert ordered(two, "pause")["answer"] == "refused"
+            assert ordered(one, "lease")["answer"] == "ok"
+            assert ordered(two, "lease")["answer"] == "refused"
+            assert ordered(one, "fly")["answer"] == "refused"
+            assert ordered(one, "pause")["answer"] == "ok"
+            paused = wait_for_state(tmp_path, "PAUSED")
+            assert paused["window"]
+            assert ordered(one, "resume")["answer"] == "ok"
+            wait_for_state(tmp_path, "SENDING", "SENT")
+        assert sending.finish()[0] == 0
+        assert peer.report()["sha256"] == hashlib.sha256(program.read_bytes()).hexdigest()
+
+
+def ordered(watcher: socket.socket, word: str) -> dict[str, object]:
+    watcher.sendall(json.dumps({"do": word}).encode() + b"\n")
+    pending = b""
+    while True:
+        pending += watcher.recv(65536)
+        *lines, pending = pending.split(b"\n")
+        for line in lines:
+            values = json.loads(line)
+            if "answer" in values:
+                assert isinstance(values, dict)
+                return values
+
+
+def test_m30_that_stops_reading(tmp_path: Path) -> None:
+    """(5.4; fault C5)"""
+    program = program_at(tmp_path, 20, end=b"M30\n%\n" + b"\n" * 40)
+    with (
+        PeerProcess(baud=38400, stop_reading_after="M30\n", quiet_s=0) as peer,
+        SendProcess(tmp_path, program, peer.pty, FAST) as sending,
+    ):
+        code, words = sending.finish()
+    report = checked(sending.report())
+    assert (code, report["outcome"]) == (0, "SENT")
+    assert "trailer not taken" in words
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        (b";CONTROL=fanuc-30i REFERENCE=tip\n", "written for fanuc-30i"),
+        (b";CONTROL=sinumerik-840d REFERENCE=centre R=4\n", "drives the tool's centre"),
+    ],
+)
+def test_a_program_for_another_control_is_refused(tmp_path: Path, head: bytes, words: str) -> None:
+    """(6.8)"""
+    program = tmp_path / "part.mpf"
+    program.write_bytes(head + b"G0 X0\nM30\n")
+    with PeerProcess() as peer, SendProcess(tmp_path, program, peer.pty) as sending:
+        code, said = sending.finish()
+        assert peer.stop()["bytes_received"] == 0
+    assert code == 3
+    assert words in said
+
+
+def test_no_handshake_needs_a_buffer_or_force(tmp_path: Path) -> None:
+    """(5.3)"""
+    program = program_at(tmp_path, 3000)
+    with PeerProcess() as peer, SendProcess(tmp_path, program, peer.pty, "--handshake", "none") as sending:
+        code, words = sending.finish()
+        assert peer.stop()["bytes_received"] == 0
+    assert code == 8
+    assert "30720" in words
+    small = program_at(tmp_path, 20)
+    with (
+        PeerProcess(baud=38400, quiet_s=0.3) as peer,
+        SendProcess(tmp_path, small, peer.pty, "--handshake", "none", FAST) as sending,
+    ):
+        assert sending.finish()[0] == 0
+
+
+def test_hook_hears_the_states(tmp_path: Path) -> None:
+    """(5.7)"""
+    heard = tmp_path / "heard"
+    hook = tmp_path / "hook.sh"
+    hook.write_text(f"#!/bin/sh\ncat >> {heard}\necho >> {heard}\n")
+    hook.chmod(0o755)
+    with (
+        PeerProcess(baud=38400, quiet_s=0.3) as peer,
+        SendProcess(tmp_path, program_at(tmp_path, 20), peer.pty, FAST, "--hook", str(hook)) as sending,
+    ):
+        assert sending.finish()[0] == 0
+    events = [json.loads(line) for line in heard.read_text().splitlines()]
+    assert [event["new"] for event in events] == ["SENDING", "DRAINING", "SENT"]
+
+
+def test_driver_handshake_on_a_pty(tmp_path: Path) -> None:
+    """(5.3) The kernel obeys XOFF; the hold is inferred; nothing is lost."""
+    program = program_at(tmp_path, 100)
+    with (
+        PeerProcess(baud=38400, buffer_bytes=512, eat_bytes_s=1500, quiet_s=0.5) as peer,
+        SendProcess(tmp_path, program, peer.pty, FAST, "--handshake", "driver") as sending,
+    ):
+        assert sending.finish()[0] == 0
+        seen = peer.report()
+    report = checked(sending.report())
+    assert seen["sha256"] == report["sha256"]
+    assert seen["overrun_bytes"] == 0
+    assert report["bound_assured"] is False
+    assert report["xoff_count"] > 0  # type: ignore[operator]
+
+
+def test_socket_port_is_labelled(tmp_path: Path) -> None:
+    """(5.3) Across a network: sent, but the bound is not assured."""
+    program = program_at(tmp_path, 20)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        name = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        with SendProcess(tmp_path, program, name, FAST) as sending:
+            server.settimeout(10)
+            connection, _ = server.accept()
+            data = b""
+            while len(data) < program.stat().st_size:
+                data += connection.recv(65536)
+            code, words = sending.finish()
+            connection.close()
+    assert (code, data) == (0, program.read_bytes())
+    assert checked(sending.report())["bound_assured"] is False
+    assert "bound not assured" in words
