@@ -1,1 +1,160 @@
-"""The pipeline: a job becomes a tool path, a program and a report."""
+"""The pipeline: a job becomes a tool path, a program and a report.
+
+Nothing here reads a clock but for the planning time, and nothing writes a file.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from planner.errors import InputRejected
+from planner.job import Job, Operation, load_job
+from planner.path.model import Method, ToolPath
+from planner.path.moves import in_order
+from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
+from planner.post.base import ControlLimits, write_program
+from planner.report import plan_report
+from planner.shapes import kind_of, shape_passes
+from planner.surface.load import load_surface
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """A planned operation: the program's bytes with the sidecar, the tool path, and the report as JSON data.
+
+    `layout` keeps the traced curves and scallop peaks for pictures; `warnings` are sentences for the user.
+    """
+
+    program: bytes
+    sidecar: dict[str, Any]
+    tool_path: ToolPath
+    report: dict[str, Any]
+    warnings: tuple[str, ...]
+    job: Job
+    layout: Layout
+
+
+def plan_job(
+    job_path: Path,
+    control: ControlLimits,
+    *,
+    post: dict[str, str] | None = None,
+    rapid_mm_min: float = 10_000.0,
+    line: tuple[int, float] = (9600, 10.0),
+    with_rivals: bool = False,
+) -> Planned:
+    """Plan the job in this file for a control.
+
+    `post` overrides keys of the job's `[post]` table; `line` is (baud, bits a character) of the machine's own line.
+    Raises InputRejected with one sentence for whatever cannot be planned.
+    """
+    job = load_job(job_path)
+    if post:
+        job = msgspec.structs.replace(job, post=msgspec.structs.replace(job.post, **post))
+    operation = _only_operation(job, job_path)
+    patches = load_surface(job_path.parent / job.part.surface)
+    if len(patches) != 1:
+        what = f"{len(patches)} patches in one surface are not built yet"
+        raise InputRejected(what, path=job_path.parent / job.part.surface, remedy="plan each patch in its own file")
+    begin = time.perf_counter()
+    wishes = _wishes(job, operation, job_path)
+    layout = lay_parallel(patches[0], wishes, accuracy_mm=1e-4 * operation.path_mm)
+    kind = kind_of(job.post.control, job.post.blocks, operation.fit)
+    passes = shape_passes(layout.curves, kind, operation.path_mm, wishes.radius_mm)
+    tool_path = ToolPath(
+        passes=in_order(passes, operation.pattern),
+        radius_mm=wishes.radius_mm,
+        pick_feeds_mm=np.diff(layout.planes_mm),
+        scallops_mm=layout.peaks.height_mm,
+        scallop_method=Method.PROVED,
+    )
+    written = write_program(job, operation, tool_path, control)
+    planning_s = time.perf_counter() - begin
+    report = plan_report(
+        job,
+        operation,
+        tool_path,
+        layout.peaks,
+        written,
+        rapid_mm_min=rapid_mm_min,
+        line=line,
+        planning_time_s=planning_s,
+    )
+    if with_rivals:
+        from planner.rivals import compare_rivals
+
+        report["rivals"] = compare_rivals(job, operation, layout, control)
+    warnings = (*written.warnings, *_warnings(operation, control, report, line))
+    return Planned(written.data, written.sidecar, tool_path, report, warnings, job, layout)
+
+
+def scallop_target_mm(operation: Operation, radius_mm: float) -> float | None:
+    """The scallop to plan for: what is asked less what the written program may add, eq. (18).
+
+    A pass that is `path_mm` too high lifts the cusp by at most path_mm R / (R - h).
+    """
+    if operation.scallop_mm is None:
+        return None
+    target = operation.scallop_mm - operation.path_mm * radius_mm / (radius_mm - operation.scallop_mm)
+    if target <= 0:
+        what = f"scallop_mm {operation.scallop_mm:g} leaves nothing beside path_mm {operation.path_mm:g}"
+        raise InputRejected(what, remedy="lower path_mm or raise scallop_mm")
+    return target
+
+
+def _only_operation(job: Job, path: Path) -> Operation:
+    """The job's operation, if this planner has what it asks for."""
+
+    def refuse(what: str, remedy: str) -> InputRejected:
+        return InputRejected(f"{what} is not built yet", path=path, remedy=remedy)
+
+    if len(job.operation) > 1:
+        raise refuse("more than one operation in a job", "plan each operation as a job of its own")
+    operation = job.operation[0]
+    if job.tool_of(operation).kind != "ball":
+        raise refuse(f"a {job.tool_of(operation).kind} tool", "use a ball-end tool")
+    if operation.strategy != "parallel":
+        raise refuse(f'strategy "{operation.strategy}"', 'use "parallel"')
+    if operation.edge == "roll-over":
+        raise refuse('edge "roll-over"', 'use "to-border"')
+    if operation.angle_deg == "auto":
+        raise refuse('angle_deg "auto"', "give an angle in degrees")
+    if operation.boundary:
+        raise refuse("boundary", "leave it empty")
+    return operation
+
+
+def _wishes(job: Job, operation: Operation, path: Path) -> Wishes:
+    assert not isinstance(operation.angle_deg, str)
+    radius_mm = job.tool_of(operation).radius_mm
+    try:
+        scallop_mm = scallop_target_mm(operation, radius_mm)
+    except InputRejected as problem:
+        raise InputRejected(problem.what, path=path, remedy=problem.remedy) from None
+    angle_rad = float(np.radians(operation.angle_deg))
+    return Wishes(radius_mm, angle_rad, scallop_mm, operation.pick_feed_mm, operation.stock_to_leave_mm)
+
+
+def _warnings(
+    operation: Operation, control: ControlLimits, report: dict[str, Any], line: tuple[int, float]
+) -> list[str]:
+    found = []
+    if control.resolution_mm >= operation.path_mm:
+        found.append(
+            f"the control resolves {control.resolution_mm:g} mm, path_mm is {operation.path_mm:g}: "
+            "what it cuts may be off by its resolution"
+        )
+    limits = report["feed_limit_mm_min"].get(str(line[0]), {})
+    for override, limit in limits.items():
+        if limit is not None and limit < operation.cut_mm_min:
+            found.append(
+                f"at {line[0]} baud and {override} % override the line feeds {limit:.0f} mm/min at most, "
+                f"cut_mm_min is {operation.cut_mm_min:g}: some pass would starve"
+            )
+    return found

@@ -1,0 +1,78 @@
+"""`dnc plan`: a job becomes a program and its report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+_CONTROLS = ["sinumerik-840d", "fanuc-30i", "heidenhain-itnc530", "linuxcnc", "generic"]
+_BLOCKS = ["auto", "bspline", "poly", "nurbs", "spl", "arcs", "linear"]
+
+
+@click.command(epilog="Example: dnc plan configs/jobs/thesis.toml -o part.mpf --report plan.json --plot plan.png")
+@click.argument("job", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="the program to write")
+@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
+@click.option("--post", "control", type=click.Choice(_CONTROLS), help="control, in place of the job's")
+@click.option("--blocks", type=click.Choice(_BLOCKS), help="kind of cutting blocks, in place of the job's")
+@click.option("--report", type=click.Path(path_type=Path), help="write the report, rivals included, as JSON")
+@click.option("--plot", type=click.Path(path_type=Path), help="draw passes, worst scallop and one fit as PNG")
+@click.option("--json", "as_json", is_flag=True, help="print the report to stdout")
+def command(
+    job: Path,
+    output: Path,
+    machine: str,
+    control: str | None,
+    blocks: str | None,
+    report: Path | None,
+    plot: Path | None,
+    *,
+    as_json: bool,
+) -> int:
+    """Plan JOB and write its program to OUTPUT; beside it OUTPUT.json tells restarts and checks what it is.
+
+    The tape's exact bytes are in OUTPUT; nothing is written if the job cannot be planned.
+    """
+    import json
+
+    from dnc.planning import limits_of, line_of, write_file
+    from dnc.profile import load_profile, profile_path
+    from planner.plan import plan_job
+
+    profile = load_profile(profile_path(machine))
+    changes: dict[str, Any] = {"control": control, "blocks": blocks}
+    planned = plan_job(
+        job,
+        limits_of(profile),
+        post={key: value for key, value in changes.items() if value is not None},
+        rapid_mm_min=min(axis.rapid_mm_min for axis in profile.axes.values()),
+        line=line_of(profile),
+        with_rivals=report is not None or as_json,
+    )
+    text = json.dumps(planned.report, indent=1) + "\n"
+    if plot is not None:
+        from planner.plot import draw_plan
+
+        write_file(plot, draw_plan(planned))
+    write_file(output, planned.program)
+    write_file(output.with_name(output.name + ".json"), (json.dumps(planned.sidecar) + "\n").encode())
+    if report is not None:
+        write_file(report, text.encode())
+    for warning in planned.warnings:
+        click.echo(f"dnc: warning: {warning}", err=True)
+    if as_json:
+        click.echo(text, nl=False)
+    else:
+        click.echo(_summary(planned.report, output), err=True)
+    return 0
+
+
+def _summary(report: dict[str, Any], output: Path) -> str:
+    return (
+        f"{output}: {report['passes']} passes, {report['cut_length_mm']:.1f} mm, {report['blocks']} blocks, "
+        f"{report['bytes']} bytes; scallop {1000 * report['scallop_mm']:.2f} um, path within "
+        f"{1000 * report['path_deviation_mm']:.2f} um ({report['method']['path_deviation_mm']}), "
+        f"planned in {report['planning_time_s']:.2f} s"
+    )

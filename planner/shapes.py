@@ -1,0 +1,65 @@
+"""Traced curves become what a control can follow: splines, straight moves or arcs, each within its tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from planner.errors import InputRejected
+from planner.path.arcs import arc_chain
+from planner.path.chord import paper_spline
+from planner.path.model import Method, Pass
+from planner.path.polyline import lean_polyline
+from planner.path.spline import fit_passes
+from planner.path.trace import TracedCurve
+
+Kind = Literal["free", "paper", "arcs", "linear"]
+FIT_SHARE = 0.9  # of path_mm; the rest is left for the digits
+
+
+def kind_of(control: str, blocks: str, fit: Literal["free", "paper"]) -> Kind:
+    """Which shape a control's blocks want; "auto" takes splines where the control reads them, else arcs.
+
+    >>> kind_of("linuxcnc", "auto", "free")
+    'arcs'
+    """
+    if blocks == "linear":
+        return "linear"
+    if blocks == "arcs" or (blocks == "auto" and control in ("linuxcnc", "generic")):
+        return "arcs"
+    return fit
+
+
+def shape_passes(curves: Sequence[TracedCurve], kind: Kind, path_mm: float, radius_mm: float) -> list[Pass]:
+    """One pass a curve, along +w, bounded within the fit's share of `path_mm`."""
+    tolerance_mm = FIT_SHARE * path_mm
+    if kind == "free":
+        fits = fit_passes(curves, tolerance_mm)
+        return [
+            Pass(curve.plane, fit.spline, fit.deviation_mm, fit.method, _NONE, curve.length_mm)
+            for curve, fit in zip(curves, fits, strict=True)
+        ]
+    if kind == "paper":
+        return [_paper_pass(curve, tolerance_mm, radius_mm) for curve in curves]
+    passes = []
+    for curve in curves:
+        shape, deviation_mm = (arc_chain if kind == "arcs" else lean_polyline)(curve, tolerance_mm)
+        passes.append(Pass(curve.plane, shape, deviation_mm, Method.SAMPLED, _NONE, curve.length_mm))
+    return passes
+
+
+def _paper_pass(curve: TracedCurve, tolerance_mm: float, radius_mm: float, steps: int = 60) -> Pass:
+    """Lartigue's break points, closer together until the checked deviation keeps the tolerance."""
+    asked_mm = tolerance_mm
+    for _ in range(steps):
+        fit, break_points = paper_spline(curve, asked_mm, radius_mm)
+        if fit.deviation_mm <= tolerance_mm:
+            return Pass(curve.plane, fit.spline, fit.deviation_mm, fit.method, break_points, curve.length_mm)
+        asked_mm *= 0.7
+    what = f"the paper's rule does not reach {tolerance_mm:g} mm at {curve.plane.offset_mm:.3f} mm"
+    raise InputRejected(what, remedy='use fit = "free"')
+
+
+_NONE = np.zeros((0, 2))
