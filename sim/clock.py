@@ -1,10 +1,13 @@
-"""Time of the mill: machine seconds, which run `speed` times as fast as the clock on the wall."""
+"""Time of the mill: machine seconds, which run `speed` times as fast as the clock on the wall; and being on time."""
 
 from __future__ import annotations
 
+import contextlib
+import gc
+import os
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 
 class MachineClock:
@@ -42,3 +45,22 @@ class HoldUps:
         """The longest stretch that touched this interval; 0 if none did."""
         touching = (lasted for ended, lasted in self._recent if ended >= first_s and ended - lasted <= last_s)
         return max(touching, default=0.0)
+
+
+@contextlib.contextmanager
+def punctual(priority: int) -> Iterator[bool]:
+    """Real-time priority where it is allowed (yields whether it is), and no garbage collection meanwhile."""
+    is_real_time = True
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+    except OSError:
+        is_real_time = False
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield is_real_time
+    finally:
+        gc.enable()
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))

@@ -1,6 +1,7 @@
 """The control's state: MTConnect words, and the one table that says what each happening does to them.
 
-A happening that the table does not know in a state is refused, as a key of a real panel is that does nothing.
+A happening that the table does not know in a state is refused, as a key of a real panel is that does nothing; so is
+cycle start while an alarm stands.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ TABLE: dict[tuple[Execution, Happening], Execution] = {
     (_E.OPTIONAL_STOP, _H.CYCLE_START): _E.ACTIVE,
     (_E.PROGRAM_STOPPED, _H.CYCLE_START): _E.ACTIVE,
     (_E.PROGRAM_COMPLETED, _H.CYCLE_START): _E.ACTIVE,
+    (_E.STOPPED, _H.CYCLE_START): _E.ACTIVE,
     (_E.ACTIVE, _H.FEED_HOLD): _E.FEED_HOLD,
     (_E.ACTIVE, _H.PROGRAM_STOP): _E.PROGRAM_STOPPED,
     (_E.ACTIVE, _H.OPTIONAL_STOP): _E.OPTIONAL_STOP,
@@ -89,15 +91,10 @@ class Control:
         """SEMI_AUTOMATIC in single block, else AUTOMATIC."""
         return Mode.SEMI_AUTOMATIC if self.is_single_block else Mode.AUTOMATIC
 
-    @property
-    def may_read(self) -> bool:
-        """Blocks may be taken into preparation."""
-        return self.execution is Execution.ACTIVE
-
     def happens(self, happening: Happening, now_s: float) -> bool:
         """Fire one happening; False if this state refuses it."""
         after = TABLE.get((self.execution, happening))
-        if after is None:
+        if after is None or (happening is Happening.CYCLE_START and self.alarm_number != 0):
             return False
         self.execution = after
         self.history.append((now_s, happening, after))
@@ -105,9 +102,9 @@ class Control:
             self.alarm_number = 0
         return True
 
-    def raise_alarm(self, number: int, now_s: float) -> bool:
-        """Alarm: the first one stands until reset."""
-        if self.alarm_number == 0 and self.happens(Happening.ALARM, now_s):
-            self.alarm_number = number
-            return True
-        return False
+    def raise_alarm(self, number: int) -> bool:
+        """Show an alarm; the first one stands until reset. The state follows when the axes have come to rest."""
+        if self.alarm_number != 0 or self.execution is Execution.UNAVAILABLE:
+            return False
+        self.alarm_number = number
+        return True

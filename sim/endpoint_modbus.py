@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable
 from typing import cast
 
 from pymodbus import pymodbus_apply_logging_config
@@ -19,18 +18,16 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 from planner.errors import SettingsRejected
 from sim.panel import DISCRETE_INPUTS, INPUT_REGISTERS, Panel, discrete_inputs, input_registers
 
-BEAT_S = 0.1
-
 
 class ModbusEnd:
-    """Serves what `look` returns, asked every 100 ms; `address` is where, once it is started."""
+    """Serves what it was shown last; `port` is the one it got, once it is started."""
 
-    def __init__(self, host: str, port: int, look: Callable[[], Panel | None]) -> None:
+    def __init__(self, host: str, port: int) -> None:
         self.host, self.port = host, port
-        self._look = look
+        self._heartbeat = 0
         self._words = [0] * INPUT_REGISTERS
         self._bits = [False] * DISCRETE_INPUTS
-        self._is_mute = False
+        self._is_mute = True
         self._loop = asyncio.new_event_loop()
         self._stop = asyncio.Event()
         self._started = threading.Event()
@@ -46,6 +43,14 @@ class ModbusEnd:
                 f"--modbus {self.host}:{self.port}: cannot listen there ({self._problem})",
                 remedy="choose another port, or 0 for any free one",
             )
+
+    def show(self, panel: Panel | None) -> None:
+        """From now on this is what the mill shows; the heartbeat goes up by one. None: without power, no answer."""
+        self._is_mute = panel is None
+        if panel is not None:
+            self._heartbeat = (self._heartbeat + 1) % 65536
+            self._words = input_registers(panel, self._heartbeat)
+            self._bits = discrete_inputs(panel)
 
     def stop(self) -> None:
         """Close all connections and end the thread."""
@@ -66,25 +71,9 @@ class ModbusEnd:
             self._started.set()
             return
         self.port = cast("asyncio.Server", server.transport).sockets[0].getsockname()[1]
-        beat = asyncio.create_task(self._beat())
         self._started.set()
         await self._stop.wait()
-        beat.cancel()
         await server.shutdown()  # type: ignore[no-untyped-call]
-
-    async def _beat(self) -> None:
-        """Take a new image every 100 ms; a control without power answers nobody new and its image stands still."""
-        heartbeat = 0
-        due_s = self._loop.time()
-        while True:
-            panel = self._look()
-            self._is_mute = panel is None
-            if panel is not None:
-                heartbeat = (heartbeat + 1) % 65536
-                self._words = input_registers(panel, heartbeat)
-                self._bits = discrete_inputs(panel)
-            due_s = max(due_s + BEAT_S, self._loop.time())
-            await asyncio.sleep(due_s - self._loop.time())
 
     def _device(self) -> SimDevice:
         """The map: discrete inputs and input registers; the other two kinds hold one place that refuses all."""

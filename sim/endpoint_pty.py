@@ -9,7 +9,6 @@ arrive later, a late DC3 makes the overshoot larger, and both are recorded as ho
 from __future__ import annotations
 
 import contextlib
-import gc
 import hashlib
 import math
 import os
@@ -21,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from planner.errors import SettingsRejected, UserError
-from sim.clock import HoldUps, MachineClock
-from sim.messages import Completed, Failed, Finish, Heard, Message, Ready, Result, Wire
+from sim.clock import HoldUps, MachineClock, punctual
+from sim.messages import Completed, Failed, Finish, Heard, Message, Ready, Result, Start, Wire
 from sim.uart import Uart
 
 
@@ -42,6 +41,8 @@ class Patience:
     """around DC3, in which a hold-up disturbs the measurement of the overshoot"""
     disturbed_s: float = 0.0006
     """hold-up above which a stop does not count as measured"""
+    priority: int = 20
+    """of the process, in real time, where that is allowed"""
     cycles_reported: int = 10_000
     """stops listed one by one in the report"""
 
@@ -79,7 +80,7 @@ class LineProcess:
     def __init__(self, pty: Pty, uart: Uart, wire: Wire, clock: MachineClock, patience: Patience) -> None:
         self.pty, self.uart, self.wire, self.clock, self.patience = pty, uart, wire, clock, patience
         self.hold_ups = HoldUps(patience.spin_s)
-        self.is_completed = False
+        self.is_completed = self.is_real_time = False
         self.result: dict[str, Any] | None = None
         self._sha256 = hashlib.sha256()
         self._unsent = bytearray()
@@ -89,16 +90,11 @@ class LineProcess:
 
     def run(self, stop_fd: int) -> bool:
         """Until the program has ended and the line is quiet (True), or a signal comes (False)."""
-        gc.collect()
-        gc.freeze()
-        gc.disable()
-        try:
+        with punctual(self.patience.priority) as self.is_real_time:
             while not self._is_over():
                 if self._turn(stop_fd):
                     return False
-            return True
-        finally:
-            gc.enable()
+        return True
 
     def report(self) -> dict[str, Any]:
         """The line's half of the report."""
@@ -115,6 +111,7 @@ class LineProcess:
             "overshoot_bytes_max_undisturbed": max(quiet, default=0),
             "xoff_cycles_undisturbed": len(quiet),
             "hold_up_s_max": self.hold_ups.worst_s,
+            "is_real_time": self.is_real_time,
             "xoff_cycles": [
                 {"monotonic_s": at, "overshoot_bytes": overshoot, "hold_up_s": held_up}
                 for at, overshoot, held_up in self._cycles[: self.patience.cycles_reported]
@@ -198,7 +195,7 @@ class LineProcess:
                     self.result = report
                 case Failed(sentence, _):
                     raise UserError(sentence)
-                case Ready() | Heard() | Finish():
+                case Ready() | Start() | Heard() | Finish():
                     pass
                 case _:
                     self.uart.obey(message, self.clock.now_s())

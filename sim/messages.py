@@ -12,6 +12,12 @@ from typing import Any
 import msgspec
 
 
+class Start(msgspec.Struct, frozen=True, tag=True):
+    """To the control: machine time is zero at this monotonic time, s."""
+
+    begun_wall_s: float
+
+
 class Heard(msgspec.Struct, frozen=True, tag=True):
     """To the control: bytes that are in the ring, how many ever arrived, how many were lost because it was full."""
 
@@ -74,7 +80,7 @@ class Result(msgspec.Struct, frozen=True, tag=True):
 
 
 Order = Took | Began | StopReading | BrokeOff | Power | Completed
-Message = Heard | Finish | Took | Began | StopReading | BrokeOff | Power | Completed | Ready | Failed | Result
+Message = Start | Heard | Finish | Took | Began | StopReading | BrokeOff | Power | Completed | Ready | Failed | Result
 
 
 class Wire:

@@ -33,6 +33,7 @@ class Panel:
     tool: int = 0
     is_coolant_on: bool = False
     is_optional_stop: bool = False
+    is_emergency_stop: bool = False
     buffer_fill_percent: float = 0.0
     overrun_bytes: int = 0
     program: str = ""
@@ -42,7 +43,7 @@ def discrete_inputs(panel: Panel) -> list[bool]:
     """FC02, addresses 0 to 11."""
     is_on = panel.execution is not Execution.UNAVAILABLE
     return [
-        is_on,  # e-stop chain ok
+        is_on and not panel.is_emergency_stop,
         is_on and panel.alarm_number == 0,  # control ready
         panel.execution in IN_CYCLE,
         panel.execution is Execution.FEED_HOLD,

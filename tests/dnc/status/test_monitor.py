@@ -39,7 +39,8 @@ async def until(monitor: StatusMonitor, wanted: Callable[[MachineStatus], bool],
 
 
 def mill(port: int = 0, panel: Panel | None = None) -> ModbusEnd:
-    end = ModbusEnd("127.0.0.1", port, lambda: panel or Panel(execution=Execution.ACTIVE, block=120))
+    end = ModbusEnd("127.0.0.1", port)
+    end.show(panel or Panel(execution=Execution.ACTIVE, block=120))
     end.start()
     return end
 
@@ -75,8 +76,8 @@ async def test_a_silent_device_is_seen_within_two_seconds() -> None:
 
 async def test_values_of_a_control_without_power_are_bad() -> None:
     """(2.1, C9)"""
-    end = ModbusEnd("127.0.0.1", 0, lambda: None)
-    end.start()
+    end = mill()
+    end.show(None)
     async with watching(end.port) as monitor:
         await until(monitor, lambda status: status.readings["execution"].quality is Quality.BAD, 2.0)
         assert "device failure" in monitor.status().readings["execution"].problem

@@ -1,0 +1,76 @@
+"""`dnc mill`: the virtual mill as a process behind a pseudo-terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command(epilog="Example: dnc mill --speed 100 --link /tmp/mill --nominal thesis.toml --report mill.json")
+@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
+@click.option("--link", type=click.Path(path_type=Path), help="symbolic link to its pseudo-terminal")
+@click.option("--modbus", metavar="HOST:PORT", help="serve status there; port 0: any free one")
+@click.option(
+    "--speed", type=click.FloatRange(min=0.001, max=100_000), default=1.0, help="of machine and line together"
+)
+@click.option("--baud", type=click.IntRange(50, 4_000_000), help="of the line at speed 1, in place of the profile's")
+@click.option("--seed", type=int, default=1, show_default=True, help="of everything random")
+@click.option("--fault", "faults", multiple=True, metavar="NAME=VALUE", help="what goes wrong; a wrong name lists them")
+@click.option("--nominal", type=click.Path(path_type=Path), help="job file: measure the part against its design")
+@click.option("--probe-pitch", type=click.FloatRange(min=0.001), default=0.1, show_default=True, help="mm")
+@click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON at the end")
+@click.option("--motion", type=click.Path(path_type=Path), help="write the motion log as CSV")
+def command(
+    machine: str,
+    link: Path | None,
+    modbus: str | None,
+    speed: float,
+    baud: int | None,
+    seed: int,
+    faults: tuple[str, ...],
+    nominal: Path | None,
+    probe_pitch: float,
+    report: Path | None,
+    motion: Path | None,
+) -> int:
+    """Be a mill at the other end of the cable (SIMULATED).
+
+    Prints one line of JSON when ready: pseudo-terminal, Modbus address, effective baud rate (the profile's times the
+    speed). Ends when the program has ended and the line is quiet, or on SIGTERM; both write the report.
+    """
+    import dataclasses
+    import json
+
+    from dnc.places import config_folder
+    from dnc.profile import load_profile, profile_path
+    from sim.faults import parse_faults
+    from sim.process import Wishes, run_mill
+    from sim.profile import load_mill_profile
+    from sim.setup import Setup
+
+    path = profile_path(machine, config_folder() / "machines")
+    profile = load_mill_profile(path)
+    host, port = _address(modbus) if modbus else (load_profile(path).modbus.host, load_profile(path).modbus.port)
+    setup = Setup(
+        profile=profile if baud is None else dataclasses.replace(profile, baud=baud),
+        faults=parse_faults(faults),
+        speed=speed,
+        modbus_host=host,
+        modbus_port=port,
+        is_port_fixed=modbus is not None,
+        nominal=nominal,
+        motion=motion,
+        probe_pitch_mm=probe_pitch,
+    )
+    wishes = Wishes(seed=seed, fault_words=faults, link=link, report=report)
+    return run_mill(setup, wishes, lambda ready: click.echo(json.dumps(ready)))
+
+
+def _address(text: str) -> tuple[str, int]:
+    from dnc.errors import SettingsRejected
+
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdecimal() or int(port) > 65535:
+        raise SettingsRejected(f"--modbus {text}: is not HOST:PORT", remedy="write 127.0.0.1:5020")
+    return host, int(port)

@@ -1,0 +1,138 @@
+"""The control as a process of its own, so that its thinking cannot hold up the line: `LiveMill` on a clock, and Modbus.
+
+It obeys its parent over a socket pair, ends when that closes, and hands over its part of the report at the end.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import gc
+import select
+import signal
+import socket
+import time
+from typing import Any
+
+from planner.errors import SettingsRejected, UserError
+from sim.clock import MachineClock
+from sim.deviation import judge
+from sim.endpoint_modbus import ModbusEnd
+from sim.live import LiveMill
+from sim.messages import Failed, Finish, Heard, Ready, Result, Start, Wire
+from sim.mill import rehearse
+from sim.motion_log import MotionLog
+from sim.nominal import Nominal, load_nominal
+from sim.setup import Setup
+from sim.tool import BallTool
+
+TICK_WALL_S = 0.002
+PANEL_WALL_S = 0.1
+
+
+def run_control(end: socket.socket, setup: Setup) -> None:
+    """The whole life of the process; signals are the parent's business."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    wire = Wire(end)
+    try:
+        _work(wire, setup)
+    except UserError as problem:
+        wire.send(Failed(str(problem), int(problem.exit_code)))
+    while wire.has_unsent and not wire.is_closed:
+        select.select([], [wire], [], 5.0)
+        wire.flush()
+
+
+def _work(wire: Wire, setup: Setup) -> None:
+    nominal = None if setup.nominal is None else load_nominal(setup.nominal)
+    rehearse(b"G1 X1 F100\nX2\nM30\n", setup.profile)
+    log = None if setup.motion is None else MotionLog(setup.motion)
+    mill = LiveMill(setup.profile, setup.faults, log.add if log is not None else lambda _: None)
+    modbus = _serve_modbus(setup)
+    try:
+        wire.send(Ready(f"{modbus.host}:{modbus.port}"))
+        gc.collect()
+        gc.freeze()
+        begun_wall_s = _wait_for_start(wire)
+        if begun_wall_s is not None:
+            _live(wire, mill, modbus, MachineClock(setup.speed, begun_wall_s))
+    finally:
+        modbus.stop()
+        if log is not None:
+            log.close()
+    if not wire.is_closed:
+        wire.send(Result(_report(mill, nominal, setup.probe_pitch_mm)))
+
+
+def _serve_modbus(setup: Setup) -> ModbusEnd:
+    """Serve status where it is wanted; the profile's own address gives way to a free port when it is taken."""
+    modbus = ModbusEnd(setup.modbus_host, setup.modbus_port)
+    try:
+        modbus.start()
+    except SettingsRejected:
+        if setup.is_port_fixed:
+            raise
+        modbus = ModbusEnd(setup.modbus_host, 0)
+        modbus.start()
+    return modbus
+
+
+def _wait_for_start(wire: Wire) -> float | None:
+    """When machine time begins; None if the parent has gone."""
+    while not wire.is_closed:
+        select.select([wire], [], [])
+        for message in wire.receive():
+            if isinstance(message, Start):
+                return message.begun_wall_s
+    return None
+
+
+def _live(wire: Wire, mill: LiveMill, modbus: ModbusEnd, clock: MachineClock) -> None:
+    """Until the parent says that it is over; the panel is shown every 100 ms."""
+    show_s = 0.0
+    while True:
+        select.select([wire], [wire] if wire.has_unsent else [], [], TICK_WALL_S)
+        messages = wire.receive()
+        wire.flush()
+        for message in messages:
+            if isinstance(message, Heard):
+                mill.hear(message)
+        for order in mill.advance(clock.now_s()):
+            wire.send(order)
+        if time.monotonic() >= show_s:
+            modbus.show(mill.panel())
+            show_s = max(show_s + PANEL_WALL_S, time.monotonic())
+        if wire.is_closed or any(isinstance(message, Finish) for message in messages):
+            return
+
+
+def _report(mill: LiveMill, nominal: Nominal | None, probe_pitch_mm: float) -> dict[str, Any]:
+    """The control's half of the report."""
+    starved = mill.machine.starved
+    ended_s = mill.machine.time_s if mill.completed_s is None else mill.completed_s
+    report: dict[str, Any] = {
+        "is_completed": mill.completed_s is not None,
+        "execution": mill.control.execution.name,
+        "blocks": mill.blocks,
+        "alarms": [
+            {"number": alarm.number, "text": alarm.text, "line": alarm.line, "block": alarm.block, "time_s": at_s}
+            for at_s, alarm in mill.alarms
+        ],
+        "machining_time_s": 0.0 if mill.begun_s is None else ended_s - mill.begun_s,
+        "starved_s": sum(one.duration_s for one in starved),
+        "starved": [dataclasses.asdict(one) for one in starved],
+        "happenings": [
+            {"time_s": at_s, "happening": happening.value, "execution": execution.name}
+            for at_s, happening, execution in mill.control.history
+        ],
+    }
+    if nominal is not None:
+        verdict = judge(
+            nominal,
+            BallTool(nominal.cutter.radius_mm),
+            mill.machine.travelled,
+            reference=nominal.reference,
+            probe_pitch_mm=probe_pitch_mm,
+        )
+        report |= verdict.report()
+    return report

@@ -1,0 +1,278 @@
+"""The control and its machine while a program comes in over the line: blocks are prepared, interpreted and cut.
+
+I/O-free; times in machine seconds. It hears what the ring holds, says what it took, and plays its operator: cycle
+start, the keys that `--fault` names, and cycle start again after a programmed stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from functools import partial
+
+from sim.control import Control, Execution, Happening
+from sim.faults import Faults, Moment
+from sim.interpreter import canon
+from sim.interpreter.run import Interpreter
+from sim.messages import Began, BrokeOff, Completed, Heard, Order, Power, StopReading, Took
+from sim.mill import settings_of
+from sim.motion.machine import Machine, MachineState, Samples
+from sim.panel import Panel
+from sim.profile import MillProfile
+
+SYN = b"\x16"
+NAK = b"\x15"
+EMERGENCY_STOP_ALARM = 3000
+OVERRUN_ALARM = 87
+"""The number FANUC controls give a buffer that ran over; the SINUMERIK's is not known."""
+
+_STRIDES = 8
+_FOLLOWS = {
+    MachineState.FEED_HOLD: Happening.FEED_HOLD,
+    MachineState.PROGRAM_STOPPED: Happening.PROGRAM_STOP,
+    MachineState.OPTIONAL_STOP: Happening.OPTIONAL_STOP,
+    MachineState.SINGLE_BLOCK: Happening.BLOCK_END,
+    MachineState.COMPLETED: Happening.PROGRAM_END,
+    MachineState.ALARM: Happening.ALARM,
+}
+_ANSWERED = (Execution.PROGRAM_STOPPED, Execution.OPTIONAL_STOP, Execution.INTERRUPTED)
+_READS = (*_ANSWERED, Execution.ACTIVE, Execution.FEED_HOLD, Execution.WAIT)
+
+
+class _Ear(Enum):
+    """Whether the control still reads: the program may have ended, or have been broken off by reset or alarm."""
+
+    LISTENING = "listening"
+    ENDED = "ended"
+    BROKEN_OFF = "broken off"
+
+
+class LiveMill:
+    """One control, one machine, one program."""
+
+    def __init__(self, profile: MillProfile, faults: Faults, log: Callable[[Samples], None]) -> None:
+        self.profile, self.faults = profile, faults
+        self.control = Control()
+        self.machine = Machine(profile, profile.block_cycle_s, stops_at_optional=faults.optional_stop)
+        self.machine.set_override(faults.override)
+        self.alarms: list[tuple[float, canon.Alarm]] = []
+        self.blocks = 0
+        self.begun_s: float | None = None
+        self.completed_s: float | None = None
+        self._interpreter = Interpreter(settings_of(profile, is_drip_fed=True))
+        self._log = log
+        self._tape = bytearray()
+        self._line = 0
+        self._received_bytes = self._overrun_bytes = 0
+        self._next_block_s = 0.0
+        self._now_s = 0.0
+        self._answer_s: float | None = None
+        self._ear = _Ear.LISTENING
+        self._program: str | None = None
+        self._pending = [name for name in _KEYS if getattr(faults, name) is not None]
+        self._ends: list[tuple[float, Callable[[float], None]]] = []
+        self._orders: list[Order] = []
+        self._is_started = False
+
+    def hear(self, heard: Heard) -> None:
+        """What has come into the ring."""
+        self._received_bytes = heard.received_bytes
+        if self._ear is not _Ear.BROKEN_OFF:
+            self._tape += heard.data
+        if heard.overrun_bytes > self._overrun_bytes:
+            self._overrun_bytes = heard.overrun_bytes
+            lost = canon.Alarm(self._line, None, OVERRUN_ALARM, "the receive buffer ran over, bytes are lost", None)
+            self._refuse(lost, self._now_s)
+
+    def advance(self, until_s: float) -> list[Order]:
+        """Let machine time go on; what the interface must do in consequence."""
+        stride_s = max(self.profile.block_cycle_s, (until_s - self._now_s) / _STRIDES)
+        while self._now_s < until_s:
+            now_s = min(until_s, self._now_s + stride_s)
+            self._operate(now_s)
+            self._prepare(now_s)
+            samples = self.machine.advance(now_s)
+            if len(samples.t_s):
+                self._log(samples)
+            self._follow(now_s)
+            self._now_s = now_s
+        orders, self._orders = self._orders, []
+        return orders
+
+    def panel(self) -> Panel | None:
+        """What the mill shows now; None without power."""
+        if self.control.execution is Execution.UNAVAILABLE:
+            return None
+        seen = self.machine.snapshot()
+        return Panel(
+            uptime_s=self._now_s,
+            execution=self.control.execution,
+            mode=self.control.mode,
+            alarm_number=self.control.alarm_number,
+            feed_override_percent=seen.override_percent,
+            block=seen.block,
+            position_mm=seen.position_mm,
+            distance_to_go_mm=seen.distance_to_go_mm,
+            feed_mm_min=seen.feed_mm_min,
+            spindle_rpm=seen.spindle_rpm,
+            tool=seen.tool,
+            is_coolant_on=seen.is_flood or seen.is_mist,
+            is_optional_stop=self.faults.optional_stop,
+            is_emergency_stop=self.control.alarm_number == EMERGENCY_STOP_ALARM,
+            buffer_fill_percent=100.0 * len(self._tape) / self.profile.receive_buffer_bytes,
+            overrun_bytes=self._overrun_bytes,
+            program=self._program or "",
+        )
+
+    # --- preparation
+
+    def _prepare(self, now_s: float) -> None:
+        """Take blocks out of the ring, one in each block cycle, as long as the machine has room for them."""
+        if self._ear is _Ear.ENDED:
+            self._swallow()
+        cycle_s = self.profile.block_cycle_s * self.faults.slow_drain
+        while self._has_room() and self._next_block_s <= now_s:
+            end = self._tape.find(b"\n")
+            if end < 0:
+                self._next_block_s = max(self._next_block_s, self._now_s)
+                return
+            raw = bytes(self._tape[:end])
+            del self._tape[: end + 1]
+            self._orders.append(Took(end + 1))
+            self._next_block_s = max(self._next_block_s, self._now_s) + cycle_s
+            self._take(raw.strip(b"\r\0"), now_s)
+
+    def _has_room(self) -> bool:
+        is_reading = self._ear is _Ear.LISTENING and self.control.execution in _READS
+        return is_reading and self.machine.free_blocks > 0
+
+    def _take(self, raw: bytes, now_s: float) -> None:
+        self._line += 1
+        if not raw.strip():
+            return
+        self.blocks += 1
+        if self.begun_s is None:
+            self.begun_s = now_s
+        if self._program is None and raw.startswith(b"%_N_"):
+            self._program = raw[4:].strip().decode("ascii", "replace")
+        for command in self._interpreter.block(raw, self._line):
+            if isinstance(command, canon.Alarm):
+                self._refuse(command, now_s)
+                return
+            self.machine.offer(command)
+            if isinstance(command, canon.End):
+                self._end()
+
+    def _end(self) -> None:
+        """The last block has been prepared: nothing that follows it is read."""
+        self._ear = _Ear.ENDED
+        self.machine.close()
+        if self.faults.end_stops_reading:
+            self._orders.append(StopReading())
+
+    def _swallow(self) -> None:
+        """After the end of the program the control lets the rest of the tape go by, or leaves it in the ring."""
+        if self._tape and not self.faults.end_stops_reading:
+            self._orders.append(Took(len(self._tape)))
+            self._tape.clear()
+
+    def _refuse(self, alarm: canon.Alarm, now_s: float) -> None:
+        """The control takes no more: DC3 and NAK at once, and a stop when what was prepared has been cut."""
+        if self._ear is not _Ear.LISTENING or not self.control.raise_alarm(alarm.number):
+            return
+        self.alarms.append((now_s, alarm))
+        self.machine.offer(alarm)
+        self._orders.append(BrokeOff(NAK))
+        self._forget()
+
+    def _forget(self) -> None:
+        self._tape.clear()
+        self._ear = _Ear.BROKEN_OFF
+
+    # --- what the machine and the operator do
+
+    def _follow(self, now_s: float) -> None:
+        """What the machine has come to, in the control's words."""
+        state = self.machine.snapshot().state
+        happening = _FOLLOWS.get(state)
+        if happening is not None and self.control.happens(happening, now_s):
+            if self.control.execution in _ANSWERED:
+                self._answer_s = now_s + self.faults.stop_answer
+            if happening is Happening.PROGRAM_END:
+                self.completed_s = self.machine.time_s
+                self._orders.append(Completed())
+
+    def _operate(self, now_s: float) -> None:
+        if not self._is_started and now_s >= self.faults.cycle_start:
+            self._is_started = True
+            self.control.happens(Happening.CYCLE_START, now_s)
+            self._orders.append(Began())
+        if self._answer_s is not None and now_s >= self._answer_s:
+            self._answer_s = None
+            self._cycle_start(now_s)
+        for name in [*self._pending]:
+            moment: Moment = getattr(self.faults, name)
+            if moment.has_come(now_s, self._received_bytes):
+                self._pending.remove(name)
+                begin, end = _KEYS[name]
+                begin(self, now_s)
+                if end is not None and moment.for_s is not None:
+                    self._ends.append((now_s + moment.for_s, partial(end, self)))
+        for due in [*self._ends]:
+            if now_s >= due[0]:
+                self._ends.remove(due)
+                due[1](now_s)
+
+    def _cycle_start(self, now_s: float) -> None:
+        if self.control.happens(Happening.CYCLE_START, now_s):
+            self.machine.cycle_start()
+
+    def _single_block(self, now_s: float) -> None:
+        del now_s
+        self.control.is_single_block = True
+        self.machine.set_single_block(True)
+
+    def _continuous(self, now_s: float) -> None:
+        self.control.is_single_block = False
+        self.machine.set_single_block(False)
+        self._cycle_start(now_s)
+
+    def _feed_hold(self, now_s: float) -> None:
+        del now_s
+        self.machine.feed_hold()
+
+    def _reset(self, now_s: float) -> None:
+        self.machine.reset()
+        self.control.happens(Happening.RESET, now_s)
+        self._orders.append(BrokeOff(SYN))
+        self._forget()
+
+    def _emergency(self, now_s: float) -> None:
+        stop = canon.Alarm(self._line, None, EMERGENCY_STOP_ALARM, "emergency stop", None)
+        if self.control.raise_alarm(stop.number):
+            self.alarms.append((now_s, stop))
+            self.machine.reset()
+            self.control.happens(Happening.ALARM, now_s)
+            self._orders.append(BrokeOff(NAK))
+            self._forget()
+
+    def _power_off(self, now_s: float) -> None:
+        self.machine.reset()
+        self.control.happens(Happening.POWER_OFF, now_s)
+        self._orders.append(Power(is_on=False))
+        self._forget()
+
+    def _power_on(self, now_s: float) -> None:
+        self.control.happens(Happening.POWER_ON, now_s)
+        self._orders.append(Power(is_on=True))
+
+
+_Key = Callable[[LiveMill, float], None]
+_KEYS: dict[str, tuple[_Key, _Key | None]] = {
+    "single_block": (LiveMill._single_block, LiveMill._continuous),
+    "feed_hold": (LiveMill._feed_hold, LiveMill._cycle_start),
+    "reset": (LiveMill._reset, None),
+    "alarm": (LiveMill._emergency, None),
+    "power_cycle": (LiveMill._power_off, LiveMill._power_on),
+}
+"""What each key does, and what ends it when its moment lasts."""
