@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.interpreter.canon import Motion, Polynomial, Rapid
+from sim.motion.bows import SHARPEST
 from sim.motion.shapes import PolynomialShape, Shape
 
 Array = NDArray[np.float64]
@@ -26,11 +27,11 @@ class Corner:
     reach_mm: float
     deviation_mm: float
 
-    def motion(self, after: Motion) -> Motion:
-        """The rounding as a motion with the feed and the source of the motion after the corner."""
-        if isinstance(after, Rapid):
-            return Rapid(after.line, after.block, self.curve.start, self.curve.end)
-        return replace(self.curve, line=after.line, block=after.block, feed_mm_min=after.feed_mm_min)
+    def shape_for(self, after: Motion) -> PolynomialShape:
+        """The rounding's shape with the source and the feed of the motion after the corner."""
+        feed = 0.0 if isinstance(after, Rapid) else after.feed_mm_min
+        curve = replace(self.curve, line=after.line, block=after.block, feed_mm_min=feed)
+        return self.shape.renamed(curve)
 
 
 def round_corner(
@@ -46,7 +47,7 @@ def round_corner(
     half_sine = float(np.linalg.norm(t2 - t1)) / 2.0
     room = min(before.length_mm / 2.0, before.length_mm - used_mm, after.length_mm / 2.0)
     reach = min(room, tolerance_mm / (0.375 * half_sine) if is_deviation else tolerance_mm)
-    if half_sine > 0.999 or reach <= 0.0:
+    if half_sine > SHARPEST or reach <= 0.0:
         return None
     for _ in range(8):
         curve = _between(before, after, reach)
@@ -84,7 +85,7 @@ def _between(before: Shape, after: Shape, reach_mm: float) -> Polynomial:
 
 
 def _deviation(shape: PolynomialShape, before: Shape, after: Shape, reach_mm: float) -> float:
-    """Largest distance from the rounding to the sharp path, from 33 points to 65 on each neighbour."""
+    """Largest distance between rounding and sharp path: 33 points to 65 on each neighbour, and the corner itself."""
     rounded = shape.points(np.linspace(0.0, shape.length_mm, 33))
     sharp = np.concatenate(
         [
@@ -96,4 +97,5 @@ def _deviation(shape: PolynomialShape, before: Shape, after: Shape, reach_mm: fl
     square = np.maximum(np.sum(step**2, axis=1), 1e-300)
     share = np.clip(np.sum((rounded[:, None] - low) * step, axis=2) / square, 0.0, 1.0)
     gap = rounded[:, None] - low - share[:, :, None] * step
-    return float(np.sqrt(np.max(np.min(np.sum(gap**2, axis=2), axis=1))))
+    corner = np.min(np.sum((rounded - sharp[64]) ** 2, axis=1))
+    return float(np.sqrt(max(np.max(np.min(np.sum(gap**2, axis=2), axis=1)), corner)))

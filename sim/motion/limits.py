@@ -7,6 +7,7 @@ sum holds on every axis at every moment. Derivation: sim/motion/MODEL.md, sectio
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,3 +96,36 @@ def bend_speed(bend: Array, jump: Array, axes: AxisLimits, knee_mm_s: Array) -> 
     knee = np.min(knee_mm_s / np.maximum(np.abs(bend), _TINY), axis=1)
     step = axes.jerk * axes.cycle_s
     return np.asarray(np.minimum(knee, np.min(np.sqrt(step / np.maximum(np.abs(jump), _TINY)), axis=1)))
+
+
+def curve_pieces(
+    derivatives: Callable[[Array], tuple[Array, Array, Array]],
+    from_mm: float,
+    to_mm: float,
+    feed_mm_s: float,
+    axes: AxisLimits,
+    shares: Shares,
+) -> tuple[Array, PieceLimits]:
+    """Edges (m + 1,) of the pieces of a stretch of curve, and their limits: one piece where these hardly vary.
+
+    Bounds are taken from 5 points a piece and widened by 2 %, which covers what lies between them on a curve that a
+    control accepts as one block.
+    """
+    count, inner, margin = 16, 4, 1.02
+    at = np.linspace(from_mm, to_mm, count * inner + 1)
+    first, second, third = (_greatest(np.abs(derivative), count, inner) * margin for derivative in derivatives(at))
+    feed = np.full(count, min(feed_mm_s, float(np.max(axes.speed))))
+    limits = curved_limits(first, second, third, feed, axes, shares)
+    edges = at[::inner]
+    is_even = np.min(limits.speed) >= OVERRIDE_TOP * feed[0] or np.ptp(limits.speed) < 0.05 * np.max(limits.speed)
+    if is_even and np.min(limits.acceleration) > 0.8 * np.max(limits.acceleration):
+        worst = [np.min(column, keepdims=True) for column in (limits.speed, limits.acceleration, limits.jerk)]
+        return edges[[0, -1]], PieceLimits(*worst)
+    return edges, limits
+
+
+def _greatest(values: Array, count: int, inner: int) -> Array:
+    """Row-wise maximum over each piece's points, ends included; (count, 3)."""
+    starts = values[:-1].reshape(count, inner, -1)
+    ends = values[inner::inner]
+    return np.asarray(np.maximum(np.max(starts, axis=1), ends))

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,10 +18,12 @@ from sim.interpreter.canon import Command, Motion, PathMode, Vector
 from sim.motion import law
 from sim.motion.fast import can_compile, time_law
 from sim.motion.limits import axis_limits
-from sim.motion.path import Path, Prepared, is_standing
+from sim.motion.path import Path, Run
 from sim.motion.record import Recorder
+from sim.motion.straight import Modal
 from sim.motion.values import (
     Array,
+    Indices,
     MachineSnapshot,
     MachineState,
     MachineTimes,
@@ -89,9 +90,9 @@ class Machine:
 
     def _begin(self) -> None:
         """An empty path and nothing queued: the state after power-on and after a reset."""
-        self._path = Path(self._axes, self._times.overload, self._speed_error)
+        self._path = Path(self._axes, self._times.overload, self._speed_error, self._times.same_place_mm)
         self._pending: deque[Command] = deque()
-        self._events: deque[tuple[int, Command]] = deque()
+        self._events: deque[tuple[int, Command, bool]] = deque()
         self._law = np.zeros(law.STATE_SIZE)
         self._is_at_stop = True
         self._standing_steps = 0
@@ -99,6 +100,7 @@ class Machine:
         self._is_soft = True
         self._is_after_stop = self._is_exact_once = False
         self._is_closed = self._is_holding = self._is_resetting = False
+        self._single_ordinal = -1
         self._state = MachineState.READY
 
     # --- what is asked of it
@@ -119,6 +121,7 @@ class Machine:
     def set_single_block(self, is_on: bool) -> None:
         """Stand after every motion block until cycle start."""
         self._is_single_block = is_on
+        self._mark_single_block()
 
     def feed_hold(self) -> None:
         """Stop along the path as fast as jerk allows; cycle start goes on."""
@@ -182,7 +185,7 @@ class Machine:
     @property
     def roundings(self) -> list[Rounding]:
         """Every rounded corner with the deviation it made, planned ones included."""
-        return self._roundings + self._path.roundings
+        return self._roundings + self._path.roundings()
 
     @property
     def travelled(self) -> list[Motion]:
@@ -224,26 +227,42 @@ class Machine:
             return
         if self._state is MachineState.READY:
             self._state = MachineState.ACTIVE
-        batch: list[Prepared] = []
+        runs: list[Run] = []
+        straight: list[Motion] = []
         motions = len(self._path.motions)
-        while self._pending:
-            command = self._pending.popleft()
-            if isinstance(command, canon.Rapid | canon.Line | canon.Arc | canon.Polynomial):
-                is_exact = self._is_exact_once
-                self._is_exact_once = False
-                if is_standing(command):
-                    self._is_after_stop |= is_exact
-                    continue
-                batch.append(
-                    Prepared(command, self._mode, self._tolerance, self._is_soft, self._is_after_stop, is_exact)
-                )
-                self._is_after_stop = False
+        for command in self._pending:
+            if isinstance(command, canon.Line | canon.Rapid):
+                straight.append(command)
+                motions += 1
+                if self._is_exact_once:
+                    straight = self._end_run(runs, straight)
+            elif isinstance(command, canon.Arc | canon.Polynomial):
+                self._end_run(runs, straight, is_exact=False)
+                straight = self._end_run(runs, [command])
+                motions += 1
             else:
-                self._note(command, motions + len(batch))
-        if batch:
-            first = self._path.add(batch, self._committed_mm())
+                straight = self._end_run(runs, straight, is_exact=False)
+                self._note(command, motions)
+        self._end_run(runs, straight)
+        self._pending.clear()
+        if runs:
+            first = self._path.add(runs, self._committed_mm())
             self._path.pieces.limit(self._override, max(first - 1, 0))
             self._find_piece()
+            self._mark_single_block()
+
+    def _end_run(self, runs: list[Run], motions: list[Motion], *, is_exact: bool = True) -> list[Motion]:
+        """These motions are a run, if there are any; a pending exact stop belongs to the last one."""
+        if motions:
+            mode = (
+                PathMode.CONTINUOUS if self._is_single_block and self._mode is not PathMode.EXACT_STOP else self._mode
+            )
+            modal = Modal(mode, self._tolerance, self._is_soft)
+            runs.append(Run(motions, modal, self._is_after_stop, is_exact and self._is_exact_once))
+            self._is_after_stop = False
+            if is_exact:
+                self._is_exact_once = False
+        return []
 
     def _note(self, command: Command, motions: int) -> None:
         """A command that is no motion, after this many motions: modal, or an event of its own."""
@@ -256,9 +275,9 @@ class Machine:
             case canon.SetJerkLimit(is_limited=is_limited):
                 self._is_soft = is_limited
             case _:
-                self._events.append((motions, command))
-                if self._is_synchronous(command):
-                    self._is_after_stop = True
+                is_synchronous = self._is_synchronous(command)
+                self._events.append((motions, command, is_synchronous))
+                self._is_after_stop |= is_synchronous
                 if isinstance(command, canon.Spindle):
                     self._spindle_asked = command.speed_rpm
 
@@ -288,6 +307,19 @@ class Machine:
             found = int(np.searchsorted(rows.ends[: rows.count], state[law.S], side="right"))
             state[law.PIECE] = min(found, rows.count - 1)
         state[law.HORIZON] = state[law.PIECE]
+
+    def _mark_single_block(self) -> None:
+        """In single block the first block end at which the axes can stand is a stop."""
+        rows, path = self._path.pieces, self._path
+        if self._single_ordinal >= 0 and not self._is_single_block:
+            path.unstop(self._single_ordinal)
+            self._single_ordinal = -1
+        elif self._is_single_block and not self._is_at_stop and rows.count:
+            self._single_ordinal = path.first_end(int(self._law[law.PIECE]), self._committed_mm())
+            path.stop_at(self._single_ordinal)
+        else:
+            return
+        rows.limit(self._override, int(self._law[law.PIECE]))
 
     # --- motion
 
@@ -321,7 +353,7 @@ class Machine:
 
     def _finish_reset(self) -> None:
         self._travelled += self._path_so_far()
-        self._roundings += self._path.roundings
+        self._roundings += self._path.roundings()
         self._blocks_before += self._ordinal()
         self._begin()
         self._spindle_rpm = self._spindle_asked = 0.0
@@ -344,6 +376,7 @@ class Machine:
         if next_piece < rows.count:
             self._law[law.PIECE] = self._law[law.HORIZON] = next_piece
             self._is_at_stop = False
+            self._mark_single_block()
             motion = self._path.motions[rows.ordinals[next_piece]]
             if self._record.is_new:
                 self._position = motion.start
@@ -381,38 +414,33 @@ class Machine:
         points = self._path.positions(log_s[:done], log_piece[:done])
         piece = int(log_piece[done - 1])
         has_landed = self._law[law.V] == 0.0 and log_s[done - 1] == rows.ends[piece]
-        if has_landed and not self._is_trimmed(piece):
-            points[-1] = self._path.motions[rows.ordinals[piece]].end
+        if has_landed:
+            end = self._path.motions[rows.ordinals[piece]].end
+            if np.max(np.abs(points[-1] - end)) <= self._times.same_place_mm:
+                points[-1] = end
         self._log(points, log_v[:done], rows.ordinals[log_piece[:done]])
-        while self._events and self._events[0][0] <= self._ordinal() and not self._is_waiting_for(self._events[0][1]):
+        while self._events and self._events[0][0] <= self._ordinal() and not self._events[0][2]:
             self._do_event(self._events.popleft()[1])
         if has_landed:
             self._arrive(int(rows.ordinals[piece]))
 
-    def _is_waiting_for(self, command: Command) -> bool:
-        return isinstance(command, (*_SYNCHRONOUS, canon.Spindle))
-
-    def _is_trimmed(self, piece: int) -> bool:
-        """Whether this piece ends where a rounding begins, not at its motion's end."""
-        rows = self._path.pieces
-        return piece + 1 < rows.count and rows.ordinals[piece + 1] == rows.ordinals[piece]
-
-    def _log(
-        self, points: Array, speeds: Array, ordinals: Sequence[int] | np.ndarray[tuple[int], np.dtype[np.int64]]
-    ) -> None:
-        motions = self._path.motions
-        numbers = np.asarray(ordinals)
-        low = int(numbers[0])
-        spoken = [motions[k] for k in range(low, int(numbers[-1]) + 1)]
+    def _log(self, points: Array, speeds: Array, ordinals: Indices) -> None:
+        """Log steps on the motions of these numbers, which never decrease."""
+        low = int(ordinals[0])
+        spoken = self._path.motions[low : int(ordinals[-1]) + 1]
         lines = np.array([motion.line for motion in spoken], dtype=np.int64)
         blocks = np.array([-1 if motion.block is None else motion.block for motion in spoken], dtype=np.int64)
-        self._record.move(points, speeds * 60.0, lines[numbers - low], blocks[numbers - low])
+        self._record.move(points, speeds * 60.0, lines[ordinals - low], blocks[ordinals - low])
         self._position = (float(points[-1, 0]), float(points[-1, 1]), float(points[-1, 2]))
 
     def _arrive(self, ordinal: int) -> None:
         """The axes stand at the end of a motion."""
         self._is_at_stop = True
         reason = self._path.reasons.get(ordinal)
+        if ordinal == self._single_ordinal:
+            self._single_ordinal = -1
+            self._state = MachineState.SINGLE_BLOCK
+            reason = reason or StopReason.SINGLE_BLOCK
         if reason is not None:
             self._record.begin_stand(reason, self._position)
         if reason is StopReason.EXACT_STOP:
@@ -446,11 +474,10 @@ class Machine:
             case canon.Message(text=text):
                 self._message = text
             case canon.Stop(is_optional=is_optional):
-                if not is_optional or self._stops_at_optional:
-                    self._wait(
-                        MachineState.OPTIONAL_STOP if is_optional else MachineState.PROGRAM_STOPPED,
-                        StopReason.OPTIONAL_STOP if is_optional else StopReason.PROGRAM_STOP,
-                    )
+                if not is_optional:
+                    self._wait(MachineState.PROGRAM_STOPPED, StopReason.PROGRAM_STOP)
+                elif self._stops_at_optional:
+                    self._wait(MachineState.OPTIONAL_STOP, StopReason.OPTIONAL_STOP)
             case canon.End():
                 self._spindle_rpm = self._spindle_asked = 0.0
                 self._is_flood = self._is_mist = False
@@ -475,11 +502,10 @@ class Machine:
     def _ordinal(self) -> int:
         """Motions finished (standing), or the index of the one being made."""
         rows = self._path.pieces
-        if rows.count == 0:
-            return 0
-        ordinal = int(rows.ordinals[int(self._law[law.PIECE])])
-        is_done = self._is_at_stop and self._law[law.S] >= rows.ends[int(self._law[law.PIECE])]
-        return ordinal + 1 if is_done else ordinal
+        if not self._is_at_stop:
+            return int(rows.ordinals[int(self._law[law.PIECE])])
+        following = int(np.searchsorted(rows.ends[: rows.count], self._law[law.S], side="right"))
+        return int(rows.ordinals[following]) if following < rows.count else len(self._path.motions)
 
     def _motion(self) -> Motion | None:
         ordinal = self._ordinal()
@@ -491,4 +517,4 @@ class Machine:
         return len(self._pending) + len(self._path.motions) - self._ordinal()
 
     def _path_so_far(self) -> list[Motion]:
-        return self._path.travelled(self._ordinal(), float(self._law[law.S]), int(self._law[law.PIECE]))
+        return self._path.travelled(float(self._law[law.S]))

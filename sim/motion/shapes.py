@@ -7,6 +7,7 @@ comes from a table, whose speed error is an argument.
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Protocol
 
@@ -146,6 +147,12 @@ class PolynomialShape:
             if intervals >= 512 or self.length_mm == 0.0 or self._unevenness(middles) <= speed_error:
                 return
             intervals *= 2
+
+    def renamed(self, motion: Polynomial) -> PolynomialShape:
+        """The same curve for a motion that differs in source and feed only."""
+        twin = copy.copy(self)
+        twin._motion = motion
+        return twin
 
     def _tabulate(self, fine: Array, arcs: Array, intervals: int) -> None:
         """Parameters and their rates at intervals + 1 equal steps of arc length, by Newton from the fine grid."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sim.interpreter.canon import Vector
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 class MachineState(Enum):
@@ -129,7 +130,7 @@ class MachineTimes:
     `servo_gain_per_s` and `exact_stop_mm` give the time an exact stop waits for the axes to arrive (G601 fine);
     3.5 (m/min)/mm and 0.01 mm are one real machine's. `overload` is the control's factor for a speed step in a corner
     passed without rounding (MD32310, preset 1.2); `rounding_mm` the tolerance of G642 and the distance of G641 where
-    the program names none.
+    the program names none; ends nearer than `same_place_mm` are one point, far below any control's resolution.
     """
 
     tool_change_s: float = 4.0
@@ -138,3 +139,4 @@ class MachineTimes:
     exact_stop_mm: float = 0.01
     overload: float = 1.2
     rounding_mm: float = 0.01
+    same_place_mm: float = 1e-7
