@@ -6,6 +6,9 @@ does after a move (M5, M9, M0, M1, M2, M17, M30).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 from planner.gcode import Block, ModalGroup, Name, Text, Word
 from sim.interpreter import canon
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
@@ -29,19 +32,38 @@ _PLAIN_MODALS = (
     (ModalGroup.SPLINE_END, "spline_end"),
 )
 _MESSAGE_LIMIT = 200
+_ENDS = frozenset({2, 17, 30})
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a block leaves to the flow: subprograms to call, how often, and whether the program ends."""
+
+    calls: list[Word]
+    count: int
+    is_end: bool
 
 
 class Executor:
     """Executes blocks of words against the state; flow and subprograms are decided elsewhere."""
 
-    def __init__(self, settings: Settings, state: State, variables: Variables, outlet: Outlet) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        state: State,
+        variables: Variables,
+        outlet: Outlet,
+        require_program: Callable[[Word], None],
+    ) -> None:
         self._settings, self._state, self._variables, self._outlet = settings, state, variables, outlet
+        self._require_program = require_program
         self._mover = Mover(settings, state, outlet)
 
-    def execute(self, block: Block) -> list[Word]:
-        """Carry out a block; returns the words that call subprograms. Raises ControlAlarm before anything moves."""
+    def execute(self, block: Block) -> Outcome:
+        """Carry out a block. Raises ControlAlarm for what the control refuses."""
         request = request_of(block, self._variables, self._settings.accepted_m_codes)
         calls = self._own_calls(request)
+        self._numbered_call(calls, request)
         self._modes(request)
         self._feed(request)
         self._tool(request)
@@ -54,9 +76,21 @@ class Executor:
             self._frame(request)
         else:
             self._mover.move(request)
+        count = request.take("P") if calls else None
         self._require_used(request)
         self._after_move(request)
-        return calls
+        return Outcome(calls, 1 if count is None else int(count), not _ENDS.isdisjoint(request.m_codes))
+
+    def _numbered_call(self, calls: list[Word], request: Request) -> None:
+        column = request.numbers.get("L", (0.0, 0))[1]
+        number = request.take("L")
+        if number is not None:
+            calls.append(Word(f"L{number:g}", column=column))
+        if len(calls) > 1:
+            text = f"{calls[0].address} and {calls[1].address} are called in one block; one call is expected"
+            raise ControlAlarm(AlarmNumber.BLOCK_NOT_INTERPRETABLE, text, calls[1].column)
+        for word in calls:
+            self._require_program(word)
 
     def finish(self) -> None:
         """The program has ended: what still waits is completed."""

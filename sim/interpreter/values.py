@@ -10,7 +10,7 @@ from planner.gcode import Binary, Call, Expression, Name, Number, Text, Unary
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 
 Value = float | str
-Default = {"REAL": 0.0, "INT": 0.0, "BOOL": 0.0, "CHAR": 0.0, "AXIS": "", "STRING": ""}
+AXIS_NAMES = frozenset({"X", "Y", "Z", "X1", "Y1", "Z1"})
 
 
 @dataclass(slots=True)
@@ -49,6 +49,8 @@ class Variables:
             return 1.0 if name == "TRUE" else 0.0
         if name == "PI":
             return math.pi
+        if name in AXIS_NAMES and self.find(name) is None:
+            return name
         cell = self._cell(name)
         return cell.values[_place(cell, name, indices)]
 
@@ -60,6 +62,12 @@ class Variables:
             return
         cell = self._cell(name)
         cell.values[_place(cell, name, indices)] = converted(value, cell.type_name)
+
+    def assign(self, target: Expression, value: Value) -> None:
+        """Write to the variable that a VAR argument names."""
+        if not isinstance(target, Name):
+            raise ControlAlarm(AlarmNumber.PARAMETERS, "a VAR argument is no variable; a name is expected")
+        self.write(target.name, tuple(evaluate(index, self) for index in target.indices or ()), value)
 
     def is_known(self, name: str) -> bool:
         """Whether an assignment to this name is one to a parameter or variable."""

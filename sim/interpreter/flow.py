@@ -1,0 +1,366 @@
+"""The order of blocks: jumps, IF, loops, repeated sections, subprograms, each bounded by the settings.
+
+A level is one running program; its `opened` structures are those whose end has not come. Going forward to a label or
+past a branch is a search that also works on blocks that have not come yet; going back needs blocks that are held.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from planner.gcode import Block, Expression, Name, SyntaxProblem, read_block
+from planner.gcode.statement import (
+    Case,
+    Extern,
+    For,
+    If,
+    Jump,
+    Mark,
+    Marker,
+    RepeatSection,
+    Return,
+    Statement,
+    Until,
+    While,
+)
+from sim.interpreter.alarms import AlarmNumber, ControlAlarm
+from sim.interpreter.settings import Settings
+from sim.interpreter.source import Source
+from sim.interpreter.values import Variables, as_integer, as_number, evaluate
+
+_CLOSES = {Marker.ENDIF: "IF", Marker.ENDWHILE: "WHILE", Marker.ENDFOR: "FOR", Marker.ENDLOOP: "LOOP"}
+_ENDS = {"IF": "ENDIF", "WHILE": "ENDWHILE", "FOR": "ENDFOR", "LOOP": "ENDLOOP", "REPEAT": "UNTIL"}
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """A structure whose end has not come: what, and the index of its first block."""
+
+    kind: str
+    index: int
+    statement: Statement
+
+
+@dataclass(slots=True)
+class Section:
+    """Blocks from `start` up to `stop` that run `left` more times before the program goes on at `resume`."""
+
+    start: int
+    stop: int
+    left: int
+    resume: int
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """Blocks are passed over until the label (or block number) comes, or the branch ends.
+
+    `kind` is "label", "else" (ELSE or the end counts) or the structure whose end is looked for; `jump` is the jump of
+    a search for a label and `origin` the index after it.
+    """
+
+    kind: str
+    target: str = ""
+    jump: Jump | None = None
+    origin: int = 0
+
+
+@dataclass(slots=True)
+class Level:
+    """One running program: its source, the index of the next block, and what is open."""
+
+    source: Source
+    at: int = 0
+    opened: list[Opened] = field(default_factory=list)
+    sections: list[Section] = field(default_factory=list)
+    search: Search | None = None
+    depth: int = 0
+    is_main: bool = True
+
+
+class Flow:
+    """Statements of flow on one level at a time."""
+
+    def __init__(self, settings: Settings, variables: Variables) -> None:
+        self._settings, self._variables = settings, variables
+        self._jumps = 0
+
+    def count_jump(self) -> None:
+        """One more jump or turn of a loop; ControlAlarm beyond the limit."""
+        self._jumps += 1
+        if self._jumps > self._settings.max_jumps:
+            text = f"more than {self._settings.max_jumps} jumps: the program may never end; fewer are expected"
+            raise ControlAlarm(AlarmNumber.LOOP_LIMIT, text)
+
+    def act(self, level: Level, index: int, statement: Statement) -> None:
+        """Carry out a statement of flow that stands at `index`; definitions and calls are not of flow."""
+        match statement:
+            case Jump():
+                self._jump(level, index, statement)
+            case Case():
+                self._case(level, index, statement)
+            case If() | While() | For():
+                self._open(level, index, statement)
+            case Until(condition):
+                self._until(level, condition)
+            case Mark(marker):
+                self._mark(level, index, marker)
+            case RepeatSection():
+                self._repeat(level, index, statement)
+            case Extern() | Return():
+                return
+            case _:
+                raise ControlAlarm(AlarmNumber.BLOCK_NOT_INTERPRETABLE, "the statement has no meaning here")
+
+    def look(self, level: Level, index: int, block: Block) -> bool:
+        """While a search runs: whether this block ends it (then it is executed if a label was looked for)."""
+        search = level.search
+        assert search is not None
+        if search.kind == "label":
+            if is_target(block, search.target):
+                level.search = None
+                return True
+            self._keep_track(level, index, block.statement)
+            return False
+        self._skip(level, index, block.statement, search.kind)
+        return False
+
+    def unresolved(self, level: Level) -> None:
+        """The program has ended while a search ran: GOTO looks back, GOTOC goes on, everything else is an alarm."""
+        search = level.search
+        assert search is not None
+        level.search = None
+        if search.kind != "label" or search.jump is None:
+            kind = "IF" if search.kind == "else" else search.kind
+            raise ControlAlarm(AlarmNumber.NESTING, f"{kind} has no end; {_ENDS[kind]} is expected")
+        if search.jump.keyword in ("GOTO", "GOTOC"):
+            found = self._find_back(level, search.target, search.origin - 1)
+            if found is not None:
+                self._go_back(level, found)
+                return
+            if search.jump.keyword == "GOTOC":
+                level.at = search.origin
+                return
+        raise ControlAlarm(AlarmNumber.JUMP_TARGET, f"the jump target {search.target} is not in the program")
+
+    def require_closed(self, level: Level) -> None:
+        """A program that ends must have closed what it opened."""
+        if level.opened:
+            kind = level.opened[-1].kind
+            raise ControlAlarm(
+                AlarmNumber.NESTING, f"{kind} has no end; {_ENDS[kind]} before the program ends is expected"
+            )
+
+    def section_end(self, level: Level) -> None:
+        """Before a block is taken: a repeated section may have come to its end."""
+        while level.sections and level.at == level.sections[-1].stop:
+            section = level.sections[-1]
+            section.left -= 1
+            if section.left > 0:
+                self.count_jump()
+                level.at = section.start
+                return
+            level.sections.pop()
+            level.at = section.resume
+
+    def _true(self, condition: Expression) -> bool:
+        return as_number(evaluate(condition, self._variables)) != 0.0
+
+    def _jump(self, level: Level, index: int, jump: Jump) -> None:
+        if jump.condition is not None and not self._true(jump.condition):
+            return
+        target = self._target(jump.target)
+        if jump.keyword == "GOTOB":
+            found = self._find_back(level, target, index)
+            if found is None:
+                raise ControlAlarm(AlarmNumber.JUMP_TARGET, f"the jump target {target} is not before this block")
+            self._go_back(level, found)
+            return
+        self.count_jump()
+        level.search = Search("label", target, jump, index + 1)
+
+    def _target(self, target: Expression) -> str:
+        if isinstance(target, Name) and target.indices is None:
+            cell = self._variables.find(target.name)
+            return str(cell.values[0]).upper() if cell is not None and cell.type_name == "STRING" else target.name
+        value = evaluate(target, self._variables)
+        return value.upper() if isinstance(value, str) else f"N{as_integer(value)}"
+
+    def _find_back(self, level: Level, target: str, before: int) -> int | None:
+        self._require_held(level)
+        for index in range(before, -1, -1):
+            raw = level.source.text(index)
+            if raw is not None and is_target(glance(raw), target):
+                return index
+        return None
+
+    def _go_back(self, level: Level, index: int) -> None:
+        self._require_held(level)
+        self.count_jump()
+        level.at = index
+        while level.opened and level.opened[-1].index >= index:
+            level.opened.pop()
+
+    def _require_held(self, level: Level) -> None:
+        if self._settings.is_drip_fed and level.is_main:
+            raise ControlAlarm(
+                self._settings.backward_jump_alarm,
+                "the program goes back to blocks that a drip-fed control no longer holds; load it to its memory",
+            )
+
+    def _case(self, level: Level, index: int, case: Case) -> None:
+        selector = evaluate(case.selector, self._variables)
+        for value, jump in case.branches:
+            if evaluate(value, self._variables) == selector:
+                self._jump(level, index, jump)
+                return
+        if case.default is not None:
+            self._jump(level, index, case.default)
+
+    def _open(self, level: Level, index: int, statement: If | While | For) -> None:
+        match statement:
+            case If(condition):
+                kind, enters = "IF", self._true(condition)
+            case While(condition):
+                kind, enters = "WHILE", self._true(condition)
+            case For():
+                first = as_number(evaluate(statement.first, self._variables))
+                kind, enters = "FOR", self._set_counter(statement, first)
+        if enters:
+            level.opened.append(Opened(kind, index, statement))
+        else:
+            level.depth = 0
+            level.search = Search("else" if kind == "IF" else kind)
+
+    def _set_counter(self, statement: For, value: float) -> bool:
+        indices = tuple(evaluate(one, self._variables) for one in statement.index or ())
+        self._variables.write(statement.variable, indices, value)
+        return value <= as_number(evaluate(statement.last, self._variables))
+
+    def _mark(self, level: Level, index: int, marker: Marker) -> None:
+        if marker in (Marker.LOOP, Marker.REPEAT):
+            level.opened.append(Opened(marker.value, index, Mark(marker)))
+        elif marker is Marker.ELSE:
+            self._close(level, "IF", "ELSE")
+            level.depth = 0
+            level.search = Search("IF")
+        else:
+            self._end(level, _CLOSES[marker], marker.value)
+
+    def _close(self, level: Level, kind: str, word: str) -> Opened:
+        if not level.opened or level.opened[-1].kind != kind:
+            raise ControlAlarm(AlarmNumber.NESTING, f"{word} closes nothing; {kind} before it is expected")
+        return level.opened.pop()
+
+    def _end(self, level: Level, kind: str, word: str) -> None:
+        opened = self._close(level, kind, word)
+        statement = opened.statement
+        if kind in ("WHILE", "LOOP"):
+            self._go_back(level, opened.index)
+        elif isinstance(statement, For):
+            indices = tuple(evaluate(one, self._variables) for one in statement.index or ())
+            value = as_number(self._variables.read(statement.variable, indices)) + 1.0
+            if self._set_counter(statement, value):
+                self._go_back(level, opened.index + 1)
+                level.opened.append(opened)
+
+    def _until(self, level: Level, condition: Expression) -> None:
+        opened = self._close(level, "REPEAT", "UNTIL")
+        if not self._true(condition):
+            self._go_back(level, opened.index)
+
+    def _repeat(self, level: Level, index: int, section: RepeatSection) -> None:
+        count = 1 if section.count is None else as_integer(evaluate(section.count, self._variables))
+        start = self._find_label(level, section.start, index)
+        if section.is_single_block:
+            stop = start + 1
+        elif section.end is not None:
+            stop = self._find_label(level, section.end, index) + 1
+        else:
+            stop = index
+        if stop <= start:
+            text = "the section to repeat ends before it starts; its labels the other way round are expected"
+            raise ControlAlarm(AlarmNumber.JUMP_TARGET, text)
+        if count < 1:
+            return
+        if len(level.sections) >= self._settings.max_call_depth:
+            raise ControlAlarm(AlarmNumber.CALL_DEPTH, "repeated sections are nested too deeply")
+        self._require_held(level)
+        self.count_jump()
+        level.sections.append(Section(start, stop, count, index + 1))
+        level.at = start
+
+    def _find_label(self, level: Level, label: str, index: int) -> int:
+        found = self._find_back(level, label, index)
+        place = index
+        while found is None:
+            place += 1
+            raw = level.source.text(place)
+            if raw is None:
+                raise ControlAlarm(AlarmNumber.JUMP_TARGET, f"the label {label} is not in the program")
+            if is_target(glance(raw), label):
+                found = place
+        return found
+
+    def _keep_track(self, level: Level, index: int, statement: Statement | None) -> None:
+        """A jump forward may leave structures: their ends, passed over, close them."""
+        opens, closes = _opens(statement), _closes(statement)
+        if opens is not None and statement is not None:
+            level.opened.append(Opened(opens, index, statement))
+        elif closes is not None and level.opened and level.opened[-1].kind == closes:
+            level.opened.pop()
+
+    def _skip(self, level: Level, index: int, statement: Statement | None, kind: str) -> None:
+        """Pass over a branch; what is nested in it is counted."""
+        wanted = "IF" if kind == "else" else kind
+        if _opens(statement) == wanted:
+            level.depth += 1
+        elif _closes(statement) == wanted:
+            if level.depth == 0:
+                level.search = None
+            level.depth -= 1
+        elif kind == "else" and level.depth == 0 and statement == Mark(Marker.ELSE):
+            level.search = None
+            level.opened.append(Opened("IF", index, Mark(Marker.ELSE)))
+
+
+def is_target(block: Block, target: str) -> bool:
+    """Whether the block has this label or, for N100 or :100, this number."""
+    if block.label == target:
+        return True
+    number = target[1:]
+    return (
+        number.isdigit() and block.number == int(number) and (target[0] == ":") == block.is_main and target[0] in "N:"
+    )
+
+
+def glance(raw: bytes) -> Block:
+    """The block for a search; one that cannot be read is no target."""
+    try:
+        return read_block(raw.decode("latin-1"))
+    except SyntaxProblem:
+        return Block()
+
+
+def _opens(statement: Statement | None) -> str | None:
+    match statement:
+        case If():
+            return "IF"
+        case While():
+            return "WHILE"
+        case For():
+            return "FOR"
+        case Mark(Marker.LOOP):
+            return "LOOP"
+        case Mark(Marker.REPEAT):
+            return "REPEAT"
+    return None
+
+
+def _closes(statement: Statement | None) -> str | None:
+    match statement:
+        case Mark(marker) if marker in _CLOSES:
+            return _CLOSES[marker]
+        case Until():
+            return "REPEAT"
+    return None

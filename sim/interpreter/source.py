@@ -1,0 +1,80 @@
+"""Where the blocks of a program come from: received one at a time, or a whole file that can be read anywhere."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+
+class Source(ABC):
+    """Lines by index from 0."""
+
+    @abstractmethod
+    def text(self, index: int) -> bytes | None:
+        """The line without its LF, or None where it has not come yet, is no longer held, or the program has ended."""
+
+    def line(self, index: int) -> int:
+        """The physical line of this index, from 1."""
+        return index + 1
+
+
+class Received(Source):
+    """Lines as they come; a drip-fed control holds none of those it has executed."""
+
+    def __init__(self, *, is_kept: bool) -> None:
+        self._is_kept = is_kept
+        self._texts: list[bytes] = []
+        self._lines: list[int] = []
+        self._dropped = 0
+
+    def add(self, raw: bytes, line: int) -> None:
+        """The next line."""
+        if not self._is_kept:
+            self._dropped += len(self._texts)
+            self._texts.clear()
+            self._lines.clear()
+        self._texts.append(raw)
+        self._lines.append(line)
+
+    def text(self, index: int) -> bytes | None:
+        """See Source."""
+        place = index - self._dropped
+        return self._texts[place] if 0 <= place < len(self._texts) else None
+
+    def line(self, index: int) -> int:
+        """The line number that came with the line."""
+        place = index - self._dropped
+        return self._lines[place] if 0 <= place < len(self._lines) else index + 1
+
+
+class Whole(Source):
+    """A program that is all there. Reading on costs nothing; going elsewhere walks from the nearest remembered line."""
+
+    _STRIDE = 1024
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._marks = [0]
+        self._index, self._start = 0, 0
+
+    def text(self, index: int) -> bytes | None:
+        """See Source."""
+        start = self._seek(index)
+        if start is None:
+            return None
+        stop = self._data.find(b"\n", start)
+        return self._data[start:] if stop < 0 else self._data[start:stop]
+
+    def _seek(self, index: int) -> int | None:
+        if index < 0:
+            return None
+        if index < self._index:
+            mark = min(index // self._STRIDE, len(self._marks) - 1)
+            self._index, self._start = mark * self._STRIDE, self._marks[mark]
+        while self._index < index:
+            stop = self._data.find(b"\n", self._start)
+            if stop < 0:
+                return None
+            self._index, self._start = self._index + 1, stop + 1
+            if self._index == len(self._marks) * self._STRIDE:
+                self._marks.append(self._start)
+        return self._start if self._start < len(self._data) else None
