@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import signal
 import threading
 import time
@@ -25,7 +26,7 @@ from dnc.places import runtime_folder, state_folder
 from dnc.port import Flow, Port
 from dnc.priority import on_time
 from dnc.profile import Link, MachineProfile
-from dnc.record import append_record, doubt_words, in_doubt, send_report
+from dnc.record import append_record, doubt_words, in_doubt, send_report, write_whole
 from dnc.sender import Rules, Sender
 from dnc.service.publisher import Publisher
 from dnc.service.snapshot import JobView
@@ -80,8 +81,8 @@ class Job:
         self.sender = Sender(tape, ByteClock(pace_of(profile.link)), rules_of(profile.link))
         self.events = EventLog(listeners)
         ahead = max(_AHEAD_MIN_BYTES, int(_AHEAD_S * profile.link.baud / 10))
-        folder = state_folder() / "jobs" / names.job_id
-        self.journal = Journal(folder / "journal", tape.sha256, ahead, self._wake)
+        self._folder = state_folder() / "jobs" / names.job_id
+        self.journal = Journal(self._folder / "journal", tape.sha256, ahead, self._wake)
         self.stream = Stream(self.sender, port, self.journal, self.events.add)
         self._is_realtime = False
         self._started = datetime.now(UTC)
@@ -92,6 +93,7 @@ class Job:
         publisher = Publisher(runtime_folder(), view, self.stream.command)
         publisher.start()
         self.journal.open()
+        self._write_about()
         try:
             with _signals(self.stream), on_time() as is_realtime:
                 self._is_realtime = is_realtime
@@ -105,6 +107,22 @@ class Job:
             self.events.close()
             self.stream.close()
         return self._finished(ended_s)
+
+    def _write_about(self) -> None:
+        """What `dnc jobs` and `--resume` need of a job that ends without a word."""
+        about = {
+            "program": self.names.program,
+            "machine": self.names.machine,
+            "port": self.port.name,
+            "identity": self.port.identity,
+            "simulated": self.port.is_simulated,
+            "sha256": self.tape.sha256,
+            "program_sha256": self.tape.program_sha256,
+            "bytes_total": self.tape.size_bytes,
+            "started": self._started.isoformat(timespec="milliseconds"),
+        }
+        with contextlib.suppress(OSError):
+            write_whole(self._folder / "job.json", json.dumps(about, indent=1) + "\n")
 
     def _wake(self) -> None:
         self.stream.wake()
@@ -127,6 +145,7 @@ class Job:
             handshake=self.profile.link.handshake,
             bound_assured=self.port.is_bound_assured and self.port.flow is Flow.BYTES,
             realtime=self._is_realtime,
+            hold_up_s_max=round(self.stream.hold_ups.worst_s, 6),
             exit_code=code,
         )
         with contextlib.suppress(OSError):

@@ -7,11 +7,32 @@ import ctypes
 import gc
 import os
 import sys
+from collections import deque
 from collections.abc import Iterator
 
 _PR_SET_TIMERSLACK = 29
 _SWITCH_INTERVAL_S = 50e-6
 _PRIORITY = 20
+
+
+class HoldUps:
+    """How late the loop was, and when: stretches above `least_s` that end at these monotonic times."""
+
+    def __init__(self, least_s: float, kept: int) -> None:
+        self.least_s = least_s
+        self.worst_s = 0.0
+        self.recent: deque[tuple[float, float]] = deque(maxlen=kept)
+
+    def note(self, ended_s: float, lasted_s: float) -> None:
+        """The loop came this late."""
+        if lasted_s > self.least_s:
+            self.worst_s = max(self.worst_s, lasted_s)
+            self.recent.append((ended_s, lasted_s))
+
+    def worst_between(self, first_s: float, last_s: float) -> float:
+        """The longest stretch that touches this interval; 0 if none does."""
+        touching = (lasted for ended, lasted in self.recent if ended >= first_s and ended - lasted <= last_s)
+        return max(touching, default=0.0)
 
 
 @contextlib.contextmanager

@@ -19,10 +19,13 @@ from dnc.errors import PortLost
 from dnc.events import Event, JobState
 from dnc.journal import Journal
 from dnc.port import Flow, Port
+from dnc.priority import HoldUps
 from dnc.sender import Sender
 
 _HOUSEKEEPING_S = 1.0
 _LEAVE_S = 2.0
+_HOLD_UP_S = 0.0002
+_HOLD_UPS_KEPT = 8192
 _STUCK_S = 0.05
 _DRAIN_S = 2.0
 _FLOW_POLL_S = 0.002
@@ -59,6 +62,8 @@ class Stream:
         self._leave_at_s: float | None = None
         self._asleep_s = _asleep_s()
         self._is_journal_reported = False
+        self._waited_from_s = 0.0
+        self.hold_ups = HoldUps(_HOLD_UP_S, _HOLD_UPS_KEPT)
 
     def command(self, command: Command) -> None:
         """Ask something of the running job."""
@@ -96,8 +101,12 @@ class Stream:
     def _step(self) -> None:
         sender = self.sender
         readers, writers = (self._fd, self._wake_read), (self._fd,) if self._is_full else ()
-        ready, writable, _ = select(readers, writers, (), self._wait_s())
+        wait_s = self._wait_s()
+        due_s = self._waited_from_s + wait_s
+        ready, writable, _ = select(readers, writers, (), wait_s)
         now_s = self._clock()
+        if now_s - due_s > self.hold_ups.least_s:
+            self.hold_ups.note(now_s, now_s - due_s)
         if writable:
             self._is_full = False
         if ready:
@@ -115,7 +124,7 @@ class Stream:
 
     def _wait_s(self) -> float:
         """How long nothing can happen unless a byte or a command arrives."""
-        now_s = self._clock()
+        now_s = self._waited_from_s = self._clock()
         sender = self.sender
         until_s = self._housekeep_at_s
         is_blocked = self._is_full or self._journal_room() <= 0

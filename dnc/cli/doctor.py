@@ -1,0 +1,46 @@
+"""`dnc doctor`: what on this computer could spoil a job."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import click
+
+
+@click.command(epilog="Example: dnc doctor --port /dev/ttyUSB0 --loopback")
+@click.option("--port", help="also open this port, to see that it can be had")
+@click.option("--loopback", is_flag=True, help="a plug joins TX and RX of --port: bytes must come back")
+@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile for --port")
+@click.option("--json", "as_json", is_flag=True, help="one JSON object")
+def command(port: str | None, loopback: bool, machine: str, as_json: bool) -> int:
+    """Examine rights, modem manager, power saving, adapter latency, clock, disk and priority; change nothing."""
+    from dnc.doctor import Finding, examine, probe_loopback
+    from dnc.errors import PortUnavailable
+    from dnc.places import config_folder, state_folder
+    from dnc.port import SerialPort
+    from dnc.profile import load_profile, profile_path
+
+    if loopback and port is None:
+        raise click.UsageError("--loopback needs --port")
+    findings = examine(state_folder())
+    if port is not None:
+        profile = load_profile(profile_path(machine, config_folder() / "machines"))
+        try:
+            opened = SerialPort(port, profile.link)
+        except PortUnavailable as problem:
+            findings.append(Finding("port", False, str(problem), "see dnc ports"))
+        else:
+            findings.append(Finding("port", True, f"{port} can be opened"))
+            if loopback:
+                findings.append(probe_loopback(opened))
+            opened.close()
+    if as_json:
+        rows = [dataclasses.asdict(finding) for finding in findings]
+        click.echo(json.dumps({"schema": "dripmill.doctor", "version": 1, "findings": rows}, indent=1))
+    else:
+        for finding in findings:
+            click.echo(f"{'ok  ' if finding.is_good else 'MEND'} {finding.id:14} {finding.text}")
+            if finding.remedy:
+                click.echo(f"     {'':14} {finding.remedy}")
+    return 4 if any(finding.id in ("port", "loopback") and not finding.is_good for finding in findings) else 0

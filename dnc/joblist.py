@@ -1,0 +1,80 @@
+"""Jobs of the past: the append-only record, and journals of jobs that were cut off without a word."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dnc.errors import JournalMismatch
+from dnc.journal import read_journal
+
+
+@dataclass(frozen=True, slots=True)
+class PastJob:
+    """One job; `values` is its report, or what the journal of an interrupted one still says."""
+
+    job: str
+    outcome: str
+    values: dict[str, Any]
+
+
+def past_jobs(state: Path) -> list[PastJob]:
+    """All jobs, oldest first; a journal without a record is INTERRUPTED, or RUNNING if its process lives."""
+    recorded = [PastJob(values["job"], values["outcome"], values) for values in _records(state)]
+    known = {past.job for past in recorded}
+    journals = [journal for journal in (state / "jobs").glob("*/journal") if journal.parent.name not in known]
+    return sorted([*recorded, *map(_unrecorded, journals)], key=lambda past: past.job)
+
+
+def first_broken_link(state: Path) -> int | None:
+    """The first line of the record whose chain to the line before is broken; None if the record is whole."""
+    previous = b""
+    for number, line in enumerate(_lines(state), start=1):
+        try:
+            stated = json.loads(line)["previous"]
+        except (ValueError, KeyError, TypeError):
+            return number
+        if stated != (hashlib.sha256(previous).hexdigest() if previous else ""):
+            return number
+        previous = line
+    return None
+
+
+def _lines(state: Path) -> list[bytes]:
+    try:
+        return (state / "records.jsonl").read_bytes().split(b"\n")[:-1]
+    except OSError:
+        return []
+
+
+def _records(state: Path) -> list[dict[str, Any]]:
+    records = []
+    for line in _lines(state):
+        try:
+            values = json.loads(line)
+        except ValueError:
+            continue
+        if isinstance(values, dict) and {"job", "outcome"} <= values.keys():
+            records.append(values)
+    return records
+
+
+def _unrecorded(journal: Path) -> PastJob:
+    job = journal.parent.name
+    about: dict[str, Any] = {}
+    with contextlib.suppress(OSError, ValueError):
+        about = json.loads((journal.parent / "job.json").read_text())
+    try:
+        last = read_journal(journal)[-1]
+    except JournalMismatch as problem:
+        return PastJob(job, "INTERRUPTED", {**about, "note": str(problem)})
+    pid = job.rpartition("-")[2]
+    is_alive = (
+        pid.isdigit() and Path(f"/proc/{pid}").is_dir() and last.state.value not in ("ABORTED", "FAULTED", "SENT")
+    )
+    values = {**about, "bytes_sent": last.sent_bytes, "bound_bytes": last.bound_bytes, "state": last.state.value}
+    return PastJob(job, "RUNNING" if is_alive else "INTERRUPTED", values)

@@ -1,0 +1,92 @@
+"""The serial ports of this computer: what they are called now, and what they are called tomorrow."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from dnc.locks import LOCK_FOLDER, flock_holder, lock_name, process_words
+
+_STABLE = ("by-id", "by-path")
+
+
+@dataclass(frozen=True, slots=True)
+class FoundPort:
+    """One port; `by_id` and `by_path` stay the same when the kernel's name changes."""
+
+    device: str
+    by_id: str | None
+    by_path: str | None
+    driver: str | None
+    vendor_product: str | None
+    is_allowed: bool
+    in_use_by: str | None
+
+
+def find_ports(root: Path = Path("/")) -> list[FoundPort]:
+    """All ports with hardware behind them, below `root` (another one in tests)."""
+    found = []
+    for entry in sorted((root / "sys/class/tty").glob("*")):
+        hardware = entry / "device"
+        driver = _link_name(hardware / "driver")
+        if driver is None or (driver == "serial8250" and not _has_uart(entry)):
+            continue
+        device = root / "dev" / entry.name
+        if device.exists():
+            found.append(_port(root, device, hardware, driver))
+    return found
+
+
+def _port(root: Path, device: Path, hardware: Path, driver: str) -> FoundPort:
+    stable = {kind: _stable_name(root / "dev/serial" / kind, device) for kind in _STABLE}
+    return FoundPort(
+        device=str(device),
+        by_id=stable["by-id"],
+        by_path=stable["by-path"],
+        driver=driver,
+        vendor_product=_usb_ids(hardware),
+        is_allowed=os.access(device, os.R_OK | os.W_OK),
+        in_use_by=_user_of(device),
+    )
+
+
+def _stable_name(folder: Path, device: Path) -> str | None:
+    with contextlib.suppress(OSError):
+        for link in sorted(folder.iterdir()):
+            if link.resolve() == device.resolve():
+                return str(link)
+    return None
+
+
+def _link_name(link: Path) -> str | None:
+    try:
+        return Path(link.readlink()).name
+    except OSError:
+        return None
+
+
+def _has_uart(entry: Path) -> bool:
+    """Whether a chip answers at this address: type 0 means that the kernel found none."""
+    try:
+        return (entry / "type").read_text().strip() != "0"
+    except OSError:
+        return False
+
+
+def _usb_ids(hardware: Path) -> str | None:
+    with contextlib.suppress(OSError):
+        for folder in (hardware.resolve(), *hardware.resolve().parents):
+            if (folder / "idVendor").is_file():
+                return f"{(folder / 'idVendor').read_text().strip()}:{(folder / 'idProduct').read_text().strip()}"
+    return None
+
+
+def _user_of(device: Path) -> str | None:
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        pid = int((LOCK_FOLDER / lock_name(device)).read_text(encoding="latin-1").split()[0])
+        os.kill(pid, 0)
+        return process_words(pid)
+    holder = flock_holder(device)
+    return None if holder == "another program" else holder
