@@ -37,8 +37,6 @@ class Patience:
     """at most between two looks at everything"""
     spin_s: float = 0.0001
     """before a byte is due, during which the clock is watched without sleeping"""
-    settle_s: float = 0.005
-    """around DC3, in which a hold-up disturbs the measurement of the overshoot"""
     disturbed_s: float = 0.0006
     """hold-up above which a stop does not count as measured"""
     priority: int = 20
@@ -86,6 +84,7 @@ class LineProcess:
         self._unsent = bytearray()
         self._forward_s = 0.0
         self._last_byte_s = time.monotonic()
+        self._cycle_s = 0.0
         self._cycles: list[tuple[float, int, float]] = []
 
     def run(self, stop_fd: int) -> bool:
@@ -129,8 +128,8 @@ class LineProcess:
         self._speak()
         self._forward()
         begun_s = time.monotonic()
-        deadline_s = self._deadline_s(begun_s)
-        timeout_s = max(0.0, deadline_s - begun_s - self.patience.spin_s)
+        exact_s, deadline_s = self._deadlines_s(begun_s)
+        timeout_s = max(0.0, min(deadline_s, exact_s - self.patience.spin_s) - begun_s)
         port = [self.pty.master] if self.pty.master >= 0 and self.uart.room_bytes > 0 else []
         reads: list[int | Wire] = [stop_fd, self.wire, *port]
         ready, _, _ = select.select(reads, [self.wire] if self.wire.has_unsent else [], [], timeout_s)
@@ -144,15 +143,24 @@ class LineProcess:
         self.hold_ups.note(time.monotonic(), time.monotonic() - woken_s)
         return stop_fd in ready
 
-    def _deadline_s(self, now_s: float) -> float:
-        """The monotonic time at which something is due."""
-        wake_s = self.uart.next_wake_s
+    def _deadlines_s(self, now_s: float) -> tuple[float, float]:
+        """Monotonic times: of something that must happen on the spot, and when to look at the latest.
+
+        Looking when the line runs dry tells a late host from a late mill: if this look is in time, the host was late.
+        """
+        incoming = self.uart.incoming
+        exact_s = self._wall_s(self.uart.next_wake_s)
         if self.uart.room_bytes <= 0:
-            wake_s = min(wake_s, self.uart.incoming.arrival_s(max(1, self.uart.faults.fifo // 2)))
-        due_s = self.clock.wall_s(wake_s) if math.isfinite(wake_s) else now_s + self.patience.idle_s
-        if self._unsent or self.uart.incoming.waiting_bytes:
+            exact_s = min(exact_s, self._wall_s(incoming.arrival_s(max(1, self.uart.faults.fifo // 2))))
+        due_s = min(exact_s, now_s + self.patience.idle_s)
+        if incoming.waiting_bytes:
+            due_s = min(due_s, self._wall_s(incoming.idle_from_s))
+        if self._unsent or incoming.waiting_bytes:
             due_s = min(due_s, max(now_s, self._forward_s))
-        return min(due_s, now_s + self.patience.idle_s)
+        return exact_s, due_s
+
+    def _wall_s(self, machine_s: float) -> float:
+        return self.clock.wall_s(machine_s) if math.isfinite(machine_s) else math.inf
 
     def _speak(self) -> None:
         """Hand to the host what has reached it; a host that does not listen loses it, as on a wire."""
@@ -201,11 +209,10 @@ class LineProcess:
                     self.uart.obey(message, self.clock.now_s())
 
     def _close_cycles(self) -> None:
-        """Judge the stops that have ended by whether this process was there when it mattered."""
+        """Judge the cycles that have ended by whether this process was there from one DC1 to the next."""
         for cycle in self.uart.receiver.cycles:
-            begun_s = self.clock.wall_s(cycle.xoff_s)
-            overshoot_s = cycle.overshoot_bytes * self.uart.byte_time_s / self.clock.speed
-            settled_s = begun_s + self.patience.settle_s + overshoot_s
-            held_up_s = self.hold_ups.worst_between(begun_s - self.patience.settle_s, settled_s)
+            begun_s, ended_s = self.clock.wall_s(cycle.xoff_s), self.clock.wall_s(cycle.xon_s)
+            held_up_s = self.hold_ups.worst_between(self._cycle_s, ended_s)
             self._cycles.append((begun_s, cycle.overshoot_bytes, held_up_s))
+            self._cycle_s = ended_s
         self.uart.receiver.cycles.clear()
