@@ -12,7 +12,7 @@ from planner.feed_limit import feed_limit_mm_min
 from planner.job import Job, Operation
 from planner.path.model import ArcChain, PlaneSpline, Polyline, Shape, ToolPath
 from planner.path.moves import AirMoves, air_moves
-from planner.path.pick_feed import Peaks
+from planner.path.peaks import Peaks
 from planner.post.base import Written
 
 Array = NDArray[np.float64]

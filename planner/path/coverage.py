@@ -62,8 +62,9 @@ def border_cusps(surface: OffsetSurface, border: Border, heights: BorderHeights,
     """The points of the border that two neighbouring passes leave equally high: where cusp lines end, eq. (12)."""
     here = np.arange(len(heights.gap))
     there = border.after(here)
-    lead = np.nan_to_num(heights.below - heights.above, nan=0.0, posinf=np.inf, neginf=-np.inf)
-    is_end = (heights.gap == heights.gap[there]) & np.isfinite(lead) & np.isfinite(lead[there])
+    has_both = np.isfinite(heights.below) & np.isfinite(heights.above)
+    lead = np.where(has_both, heights.below, 0.0) - np.where(has_both, heights.above, 0.0)
+    is_end = (heights.gap == heights.gap[there]) & has_both & has_both[there]
     chosen = np.flatnonzero(is_end & ((lead > 0) != (lead[there] > 0)))
     onward = there[chosen]
     share = lead[chosen] / (lead[chosen] - lead[onward])
@@ -172,7 +173,8 @@ def pass_runs(
 def _reach(surface: OffsetSurface, border: Border, planes_mm: Array, passes: Indices) -> tuple[Reaches, Array]:
     """Heights by the pass of each sample; infinite where there is no such pass or it cannot reach the sample."""
     has_pass = (passes >= 0) & (passes < len(planes_mm))
-    chosen = np.flatnonzero(has_pass)
+    away = np.abs(planes_mm[np.clip(passes, 0, len(planes_mm) - 1)] - border.points.centre[1])
+    chosen = np.flatnonzero(has_pass & (away < 2 * surface.radius_mm))
     under = OffsetPoints(*(getattr(border.points, name)[:, chosen] for name in OffsetPoints.__slots__))
     planes = planes_mm[passes[chosen]]
     target = np.stack([under.centre[0], planes])

@@ -7,29 +7,17 @@ plane to the last in one go. Derivation: EQUATIONS.md, section 5; the outcome is
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.path.border import Border, border_of
-from planner.path.coverage import (
-    BorderHeights,
-    GapCusps,
-    border_cusps,
-    border_heights,
-    guess_from,
-    inner_cusps,
-    stretches,
-)
+from planner.path.border import Border
 from planner.path.offset import OffsetSurface
-from planner.path.scallop import Cusps, Held, Reaches, solve_reaches
-from planner.path.seeds import Seeds
+from planner.path.peaks import Ground, Peaks, strip_behind, survey, survey_at
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 class ChainEnd(Enum):
@@ -41,26 +29,6 @@ class ChainEnd(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Peaks:
-    """The highest cusp of every gap, arrays (passes - 1,); height 0 where no cusp lies on the patch.
-
-    `by_a`, `by_b` are the changes of the height with the lower and the upper plane; `x` and `foot` (2, ...) say where.
-    `first_mm`, `last_mm` are the greatest heights that the first and last pass leave on the border beyond them,
-    `first_by` the change of the first with its plane. `missed` counts cusps that Newton's method did not find.
-    """
-
-    height_mm: Array
-    by_a: Array
-    by_b: Array
-    x: Array
-    foot: Array
-    first_mm: float
-    first_by: float
-    last_mm: float
-    missed: int
-
-
-@dataclass(frozen=True, slots=True)
 class PickFeeds:
     """Driving planes `planes_mm` (passes,), the measured peaks between them, and how the search ended."""
 
@@ -69,49 +37,61 @@ class PickFeeds:
     end: ChainEnd
 
 
-@dataclass(frozen=True, slots=True)
-class Ground:
-    """A surface ready for planning: in the frame of the passes (+x along them), with seeds and sampled border."""
-
-    surface: OffsetSurface
-    seeds: Seeds
-    border: Border
-    station_mm: float
-
-
-def survey(ground: Ground, planes_mm: Array, height_mm: float) -> Peaks:
-    """The true maxima of all gaps, of the first and of the last strip, for these planes."""
-    heights = border_heights(ground.surface, ground.border, planes_mm)
-    ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
-    gap, x = _stations(*stretches(ends), ground.station_mm)
-    inner = inner_cusps(ground.surface, ground.seeds, planes_mm, gap, x, height_mm)
-    tops = _tops(ground, inner, planes_mm)
-    first_mm, first_by = _strip_peak(ground, heights, planes_mm, 0)
-    last_mm, _ = _strip_peak(ground, heights, planes_mm, len(planes_mm))
-    return _highest(len(planes_mm) - 1, (ends, inner, tops), (first_mm, first_by, last_mm))
-
-
-def solve_pick_feeds(ground: Ground, scallop_mm: float, *, accuracy_mm: float, sweeps: int = 12) -> PickFeeds:
+def solve_pick_feeds(ground: Ground, scallop_mm: float, *, accuracy_mm: float, sweeps: int = 20) -> PickFeeds:
     """The fewest parallel planes whose passes leave at most `scallop_mm` anywhere, each as far on as it can be.
 
     `accuracy_mm` bounds what is left open of each gap's height. The first pass is the furthest that keeps the border
-    before it, the last the first that keeps the border behind it.
+    before it, the last the first that keeps the border behind it. Between full surveys the chain is settled on the
+    maxima that the last survey found.
     """
     planes = _first_chain(ground, scallop_mm)
-    end = ChainEnd.RAN_OUT
+    peaks, tops = survey(ground, planes, scallop_mm, coarse=4)
+    end, is_full = ChainEnd.RAN_OUT, False
     for _ in range(sweeps):
-        peaks = survey(ground, planes, scallop_mm)
         if peaks.missed:
             end = ChainEnd.LOST
             break
-        is_open = peaks.height_mm > 0
-        error = np.max(np.abs(np.append(peaks.height_mm[is_open], peaks.first_mm) - scallop_mm))
-        if error <= accuracy_mm:
+        is_settled = _error(peaks, scallop_mm) <= accuracy_mm
+        if is_settled and is_full:
             end = ChainEnd.SETTLED
             break
-        planes = _newton_chain(planes, peaks, scallop_mm)
+        if not is_settled:
+            planes = _newton_chain(planes, peaks, scallop_mm)
+        is_full = is_settled
+        if is_full:
+            peaks, tops = survey(ground, planes, scallop_mm)
+        else:
+            peaks = survey_at(ground, planes, tops)
     planes = _with_last(ground, planes, scallop_mm, accuracy_mm)
-    return PickFeeds(planes, survey(ground, planes, scallop_mm), end)
+    return PickFeeds(planes, _trimmed(ground, peaks, planes, scallop_mm), end)
+
+
+def _error(peaks: Peaks, scallop_mm: float) -> float:
+    """How far the worst gap, or the first strip, is from the asked height."""
+    measured = np.append(peaks.height_mm[peaks.height_mm > 0], peaks.first_mm)
+    return float(np.max(np.abs(measured - scallop_mm)))
+
+
+def _trimmed(ground: Ground, peaks: Peaks, planes_mm: Array, scallop_mm: float) -> Peaks:
+    """The peaks of the planes that were kept, the last gap measured anew."""
+    if len(planes_mm) < 3:
+        return survey(ground, planes_mm, scallop_mm)[0]
+    last, _ = survey(ground, planes_mm[-2:], scallop_mm)
+    kept = len(planes_mm) - 2
+
+    def joined(name: str) -> Array:
+        return np.concatenate([getattr(peaks, name)[..., :kept], getattr(last, name)], axis=-1)
+
+    return replace(
+        peaks,
+        height_mm=joined("height_mm"),
+        by_a=joined("by_a"),
+        by_b=joined("by_b"),
+        x=joined("x"),
+        foot=joined("foot"),
+        last_mm=last.last_mm,
+        missed=peaks.missed + last.missed,
+    )
 
 
 def even_planes(ground: Ground, pick_feed_mm: float) -> Array:
@@ -121,13 +101,6 @@ def even_planes(ground: Ground, pick_feed_mm: float) -> Array:
     count = max(int(np.ceil((high - low) / pick_feed_mm - 1e-9)), 1)
     inset = (high - low - (count - 1) * pick_feed_mm) / 2
     return np.asarray(low + inset + pick_feed_mm * np.arange(count), dtype=np.float64)
-
-
-def lay_ground(surface: OffsetSurface, seeds: Seeds, *, pick_feed_mm: float) -> Ground:
-    """The ground for passes about this far apart: the border is sampled five times as densely."""
-    span = np.sqrt(np.ptp(seeds.centres, axis=1).prod() / max(_span_count(surface), 1))
-    border = border_of(surface, spacing_mm=pick_feed_mm / 5)
-    return Ground(surface, seeds, border, station_mm=float(min(surface.radius_mm, span / 2)))
 
 
 def local_pick_feed(surface: OffsetSurface, parameters: Array, scallop_mm: float) -> Array:
@@ -143,10 +116,6 @@ def local_pick_feed(surface: OffsetSurface, parameters: Array, scallop_mm: float
     ahead = step_u * found.centre_u + step_v * found.centre_v
     bend = np.clip(surface.radius_mm * (turn * ahead).sum(axis=0), -10.0, 0.9)
     return np.asarray(length * 2 * np.sqrt(scallop_mm * (2 * surface.radius_mm - scallop_mm) / (1 - bend)))
-
-
-def _span_count(surface: OffsetSurface) -> int:
-    return len(surface.patch.basis_u.starts) * len(surface.patch.basis_v.starts)
 
 
 def _first_chain(ground: Ground, scallop_mm: float) -> Array:
@@ -198,14 +167,14 @@ def _with_last(ground: Ground, planes_mm: Array, scallop_mm: float, accuracy_mm:
     y_high = float(ground.border.points.centre[1].max())
     feed = float(np.diff(planes_mm).max(initial=0.0))
     for last in range(int(np.searchsorted(planes_mm, y_high - 3 * feed)), len(planes_mm)):
-        if _strip(ground, planes_mm[: last + 1])[0] <= scallop_mm + accuracy_mm:
+        if strip_behind(ground, planes_mm[: last + 1])[0] <= scallop_mm + accuracy_mm:
             planes_mm = planes_mm[: last + 1]
             break
     before = float(planes_mm[-2]) if len(planes_mm) > 1 else -np.inf
     floor = min(_edge_behind(ground.border, before), float(planes_mm[-1]))
     place, best = min(float(planes_mm[-1]), y_high - 0.3 * feed), float(planes_mm[-1])
     for _ in range(20):
-        height, by_plane = _strip(ground, np.append(planes_mm[:-1], place))
+        height, by_plane = strip_behind(ground, np.append(planes_mm[:-1], place))
         if height <= scallop_mm + accuracy_mm:
             best = min(best, place)
         if abs(height - scallop_mm) <= accuracy_mm or by_plane >= 0:
@@ -222,125 +191,3 @@ def _edge_behind(border: Border, plane_mm: float) -> float:
         for held, value in set(zip(border.held, border.value, strict=True))
     ]
     return max((float(side.min()) for side in sides if side.min() > plane_mm), default=-np.inf)
-
-
-def _strip(ground: Ground, planes_mm: Array) -> tuple[float, float]:
-    """The greatest height behind the last of these planes, and its change by that plane."""
-    last = planes_mm[-1:]
-    return _strip_peak(ground, border_heights(ground.surface, ground.border, last), last, 1)
-
-
-def _stations(gap: Indices, start: Array, stop: Array, spacing_mm: float) -> tuple[Indices, Array]:
-    """Places along each stretch, both ends included, at most `spacing_mm` apart and at least 5."""
-    counts = np.maximum(np.ceil((stop - start) / spacing_mm), 4).astype(np.intp) + 1
-    owner = np.repeat(np.arange(len(gap)), counts)
-    rank = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    share = rank / (counts[owner] - 1)
-    return gap[owner], start[owner] + share * (stop - start)[owner]
-
-
-def _tops(ground: Ground, inner: GapCusps, planes_mm: Array, rounds: int = 3) -> GapCusps:
-    """The highest interior maximum of every gap: the slope's zero between two stations, by repeated interpolation."""
-    cusps, gap = inner.cusps, inner.gap
-    rises = (gap[1:] == gap[:-1]) & (cusps.slope[:-1] > 0) & (cusps.slope[1:] < 0)
-    left = np.flatnonzero(rises)
-    top, place = _hermite_top(*_bracket(cusps, left, left + 1))
-    best = _best_of_each(gap[left], top)
-    left, place, right = left[best], place[best], left[best] + 1
-    low, high = cusps.take(left), cusps.take(right)
-    found = inner_cusps(ground.surface, ground.seeds, planes_mm, gap[left], place, 0.0, guess_from(low))
-    for _ in range(rounds):
-        is_before = found.cusps.slope > 0
-        low, high = _choose(is_before, found.cusps, low), _choose(is_before, high, found.cusps)
-        _, place = _hermite_top(low.x, high.x, low.height_mm, high.height_mm, low.slope, high.slope)
-        found = inner_cusps(ground.surface, ground.seeds, planes_mm, gap[left], place, 0.0, guess_from(found.cusps))
-    return found
-
-
-def _bracket(cusps: Cusps, left: Indices, right: Indices) -> Iterator[Array]:
-    for values in (cusps.x, cusps.height_mm, cusps.slope):
-        yield values[left]
-        yield values[right]
-
-
-def _choose(flags: NDArray[np.bool_], yes: Cusps, no: Cusps) -> Cusps:
-    names = Cusps.__slots__
-    return Cusps(*(np.where(flags, getattr(yes, name), getattr(no, name)) for name in names))
-
-
-def _hermite_top(
-    x_low: Array, x_high: Array, h_low: Array, h_high: Array, slope_low: Array, slope_high: Array
-) -> tuple[Array, Array]:
-    """The maximum of the cubic through two points with a rising slope first and a falling one after, eq. (14)."""
-    run = np.maximum(x_high - x_low, 1e-300)
-    rise = (h_high - h_low) / run
-    bend = 3 * (slope_low + slope_high - 2 * rise)
-    mid = 3 * rise - 2 * slope_low - slope_high
-    root = np.sqrt(np.maximum(mid**2 - bend * slope_low, 0.0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.nan_to_num(slope_low / (root - mid), nan=0.5)
-    share = np.clip(share, 0.0, 1.0)
-    height = h_low + run * share * (slope_low + share * (mid + share * bend / 3))
-    return height, x_low + share * run
-
-
-def _best_of_each(gap: Indices, height: Array) -> Indices:
-    """The index of the highest entry of each gap."""
-    order = np.lexsort((height, gap))
-    is_last = np.append(gap[order][1:] != gap[order][:-1], True) if len(gap) else np.zeros(0, dtype=bool)
-    return np.asarray(order[is_last], dtype=np.intp)
-
-
-def _highest(gaps: int, groups: tuple[GapCusps, ...], strips: tuple[float, float, float]) -> Peaks:
-    """The highest cusp of each gap among all groups."""
-    gap = np.concatenate([group.gap for group in groups])
-    names = Cusps.__slots__
-    every = Cusps(*(np.concatenate([getattr(group.cusps, n) for group in groups], axis=-1) for n in names))
-    best = _best_of_each(gap, np.where(every.is_found, every.height_mm, -np.inf))
-    columns = [np.zeros(gaps) for _ in range(4)]
-    for column, values in zip(columns, (every.height_mm, every.by_a, every.by_b, every.x), strict=True):
-        column[gap[best]] = values[best]
-    foot = np.zeros((2, gaps))
-    foot[:, gap[best]] = every.foot[:, best]
-    height, by_a, by_b, x = columns
-    return Peaks(height, by_a, by_b, x, foot, *strips, int((~every.is_found).sum()))
-
-
-def _strip_peak(ground: Ground, heights: BorderHeights, planes_mm: Array, gap: int) -> tuple[float, float]:
-    """The greatest height on the border before the first (gap 0) or behind the last pass; its change by the plane."""
-    chosen = np.flatnonzero(heights.gap == gap)
-    if not len(chosen):
-        return 0.0, 1.0
-    levels, reaches = (heights.above, heights.upper) if gap == 0 else (heights.below, heights.lower)
-    plane_mm = float(planes_mm[0 if gap == 0 else -1])
-    at = int(chosen[np.argmax(levels[chosen])])
-    best = float(levels[at]), float(reaches.by_plane[at])
-    for stretch in (at, at - 1):
-        ends = np.array([stretch, stretch + 1]) % len(levels)
-        if (heights.gap[ends] == gap).all() and np.isfinite(levels[ends]).all():
-            best = max(best, _stretch_peak(ground, int(ends[0]), ends, levels, reaches, plane_mm))
-    return best
-
-
-def _stretch_peak(
-    ground: Ground, stretch: int, ends: Indices, levels: Array, reaches: Reaches, plane_mm: float, rounds: int = 4
-) -> tuple[float, float]:
-    """The maximum inside one stretch of the border, or (-inf, 1) if the height has none there."""
-    border = ground.border
-    axis = 0 if border.held[stretch] == Held.V.value else 1
-    known = sorted((border.parameters[axis, j], levels[j], reaches.along[axis, j]) for j in ends)
-    best = -np.inf, 1.0
-    if not (known[0][0] < known[1][0] and known[0][2] > 0 > known[1][2]):
-        return best
-    for _ in range(rounds):
-        pairs = zip(*known, strict=True)
-        _, place = _hermite_top(*(np.array([value]) for pair in pairs for value in pair))
-        held = np.array([border.value[stretch]])
-        under = ground.surface.evaluate(*((place, held) if axis == 0 else (held, place)))
-        top = solve_reaches(ground.surface, under, np.array([plane_mm]), reaches.on_pass[:, ends[:1]])
-        if not top.is_found[0]:
-            return best
-        best = max(best, (float(top.height_mm[0]), float(top.by_plane[0])))
-        slope = float(top.along[axis, 0])
-        known[0 if slope > 0 else 1] = (place[0], top.height_mm[0], slope)
-    return best

@@ -100,12 +100,13 @@ def solve_cusps(
     guess: CuspGuess,
     *,
     residual_mm: float = 1e-10,
-    steps: int = 30,
+    steps: int = 16,
 ) -> Cusps:
     """Cusps (m,) between planes y = a and y = b, one unknown held: eq. (12), Newton on (u, v, h) and two feet.
 
     `held` codes (Held) say what keeps `value`: the place x, or the parameter u or v on a border. At most `steps`
-    steps; `is_found` says which cusps met `residual_mm`.
+    steps. The step taken when all residuals are below sqrt(residual_mm R) is the last, as the next residual is of the
+    order of the square; `is_found` says which cusps came that far.
     """
     count = len(value)
     if count > BLOCK:
@@ -124,7 +125,7 @@ def solve_cusps(
         return Cusps(*(np.concatenate([getattr(part, f.name) for part in parts], axis=-1) for f in fields(Cusps)))
     foot, height = guess.foot.copy(), guess.height_mm.copy()
     on_a, on_b = guess.on_a.copy(), guess.on_b.copy()
-    for step in range(steps + 1):
+    for _ in range(steps + 1):
         both = surface.evaluate(*(np.concatenate([p[i] for p in (foot, on_a, on_b)]) for i in (0, 1)))
         under, at_a, at_b = (_columns(both, slice(i * count, (i + 1) * count)) for i in range(3))
         cusp = under.contact + height * under.normal
@@ -135,11 +136,8 @@ def solve_cusps(
             np.abs(np.concatenate([right, [touch_a.plane_error_mm, touch_b.plane_error_mm]])), axis=0, initial=0.0
         )
         slack = np.sqrt(residual_mm * surface.radius_mm)
-        is_found = (worst <= residual_mm) & (np.maximum(touch_a.foot_error_mm, touch_b.foot_error_mm) <= slack)
-        rows = [_row(touch_a.toward, under, height), _row(touch_b.toward, under, height), row]
-        inverse = _inverse(rows)
-        if is_found.all() or step == steps:
-            break
+        is_found = (worst <= slack) & (np.maximum(touch_a.foot_error_mm, touch_b.foot_error_mm) <= 50 * slack)
+        inverse = _inverse([_row(touch_a.toward, under, height), _row(touch_b.toward, under, height), row])
         change = sum(inverse[:, i] * right[i] for i in range(3))
         move = under.contact_u * change[0] + under.contact_v * change[1]
         damp = np.minimum(1.0, 0.5 * surface.radius_mm / np.maximum(np.sqrt(dot(move, move)), 1e-300))
@@ -148,6 +146,8 @@ def solve_cusps(
         height += change[2]
         on_a += touch_a.step
         on_b += touch_b.step
+        if is_found.all():
+            break
     by_a, by_b = inverse[2, 0] * touch_a.lift, inverse[2, 1] * touch_b.lift
     is_sound = is_found & (height > -surface.radius_mm) & (height < surface.radius_mm)
     return Cusps(foot, height, on_a, on_b, under.centre[0], touch_a.x, touch_b.x, inverse[2, 2], by_a, by_b, is_sound)
@@ -160,26 +160,27 @@ def solve_reaches(
     guess: Array,
     *,
     residual_mm: float = 1e-10,
-    steps: int = 30,
+    steps: int = 12,
 ) -> Reaches:
     """Heights (m,) over the surface points `under` that the pass in plane y = planes_mm leaves, eq. (13).
 
     `guess` (2, m) are parameters of balls of that pass near the points.
     """
     on_pass, height = guess.copy(), np.zeros(len(planes_mm))
-    for step in range(steps + 1):
+    for _ in range(steps + 1):
         at = surface.evaluate(on_pass[0], on_pass[1])
         touch = _touch(at, under.contact + height * under.normal, planes_mm)
         facing = dot(touch.toward, under.normal)
         short = surface.radius_mm - touch.distance_mm
         worst = np.maximum(np.abs(short), touch.plane_error_mm)
-        is_found = (worst <= residual_mm) & (touch.foot_error_mm <= np.sqrt(residual_mm * surface.radius_mm))
-        if is_found.all() or step == steps:
-            break
+        slack = np.sqrt(residual_mm * surface.radius_mm)
+        is_found = (worst <= slack) & (touch.foot_error_mm <= 50 * slack)
         limit = 0.5 * surface.radius_mm
         with np.errstate(divide="ignore", invalid="ignore"):
             height += np.clip(np.nan_to_num(short / facing), -limit, limit)
         on_pass += touch.step
+        if is_found.all():
+            break
     with np.errstate(divide="ignore", invalid="ignore"):
         slope_u = -dot(touch.toward, under.contact_u + height * under.normal_u) / facing
         slope_v = -dot(touch.toward, under.contact_v + height * under.normal_v) / facing
@@ -210,7 +211,8 @@ def _touch(at: OffsetPoints, seen_from: Array, plane_mm: Array) -> _Contact:
     distance = np.sqrt(dot(away, away))
     toward = away / np.maximum(distance, 1e-300)
     lift = toward[1] - toward[2] * at.normal[1] / at.normal[2]
-    return _Contact(step, toward, distance, np.abs(plane_error), np.abs(foot_error), lift, at.centre[0])
+    x = at.centre[0] + at.centre_u[0] * step[0] + at.centre_v[0] * step[1]
+    return _Contact(step, toward, distance, np.abs(plane_error), np.abs(foot_error), lift, x)
 
 
 def _held_row(under: OffsetPoints, foot: Array, held: NDArray[np.intp], value: Array) -> tuple[Array, Array]:

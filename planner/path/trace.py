@@ -10,7 +10,7 @@ Frame: the surface is turned so that passes run along +x and planes are y = cons
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,24 +122,31 @@ def locate(
 ) -> tuple[Array, OffsetPoints, NDArray[np.bool_]]:
     """The parameters (2, k) whose ball centres stand at XY `target_xy` (2, k), eq. (6), with the points there.
 
-    Damped by limiting a step to a quarter of the domain; at most `steps` steps, each on the points still open.
+    Damped by limiting a step to a quarter of the domain; at most `steps` steps, each on the points still open. The
+    last step, from a residual below sqrt(residual_mm) / 4, is carried into centre and normal by their derivatives: what
+    it leaves is of the order of its square.
     """
     (u_low, u_high), (v_low, v_high) = surface.patch.domain
     limit = 0.25 * np.array([[u_high - u_low], [v_high - v_low]])
     parameters = guess.copy()
     found = surface.evaluate(parameters[0], parameters[1])
+    near_mm = max(np.sqrt(residual_mm) / 4, residual_mm)
     for _ in range(steps):
         short = target_xy - found.centre[:2]
-        is_open = ~(np.abs(short).max(axis=0) <= residual_mm)
-        if not is_open.any():
+        is_far = ~(np.abs(short).max(axis=0) <= near_mm)
+        if not is_far.any():
             break
-        chosen = np.flatnonzero(is_open)
+        chosen = np.flatnonzero(is_far)
         step = _solve_2x2(found.centre_u[:2, chosen], found.centre_v[:2, chosen], short[:, chosen])
         parameters[:, chosen] += np.clip(np.nan_to_num(step), -limit, limit)
         part = surface.evaluate(parameters[0, chosen], parameters[1, chosen])
-        found = part if len(chosen) == len(is_open) else _replace(found, part, chosen)
-    is_found = np.abs(target_xy - found.centre[:2]).max(axis=0, initial=0.0) <= max(residual_mm, 1e-9)
-    return parameters, found, is_found
+        found = part if len(chosen) == len(is_far) else _replace(found, part, chosen)
+    short = target_xy - found.centre[:2]
+    is_found = np.abs(short).max(axis=0, initial=0.0) <= near_mm
+    last = np.where(is_found, _solve_2x2(found.centre_u[:2], found.centre_v[:2], short), 0.0)
+    centre = found.centre + found.centre_u * last[0] + found.centre_v * last[1]
+    normal = found.normal + found.normal_u * last[0] + found.normal_v * last[1]
+    return parameters + last, replace(found, centre=centre, normal=normal), is_found
 
 
 def _samples(found: OffsetPoints, parameters: Array, w_mm: Array) -> CurveSamples:

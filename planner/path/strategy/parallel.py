@@ -12,16 +12,8 @@ from planner.path.coverage import border_cusps, border_heights, crossings, pass_
 from planner.path.gouge import check_radius, tool_side
 from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
-from planner.path.pick_feed import (
-    ChainEnd,
-    Ground,
-    Peaks,
-    even_planes,
-    lay_ground,
-    local_pick_feed,
-    solve_pick_feeds,
-    survey,
-)
+from planner.path.peaks import Ground, Peaks, lay_ground, survey
+from planner.path.pick_feed import ChainEnd, even_planes, local_pick_feed, solve_pick_feeds
 from planner.path.seeds import sow
 from planner.path.trace import TracedCurve, trace
 from planner.surface.patch import NurbsPatch
@@ -62,7 +54,7 @@ def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float) -> La
     else:
         assert wishes.pick_feed_mm is not None
         planes_mm = even_planes(ground, wishes.pick_feed_mm)
-        peaks = survey(ground, planes_mm, wishes.pick_feed_mm**2 / (8 * wishes.radius_mm))
+        peaks = survey(ground, planes_mm, wishes.pick_feed_mm**2 / (8 * wishes.radius_mm))[0]
     return Layout(tuple(run_passes(ground, planes_mm, wishes.angle_rad)), planes_mm, peaks, ground)
 
 

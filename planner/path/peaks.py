@@ -1,0 +1,221 @@
+"""The highest cusp of every gap and the greatest heights on the border: continuous maxima, not samples.
+
+A cusp line's maximum is an end of the line on the border or a place where its slope along the pass is zero
+(eqs. 3.20-3.24 of the thesis). Stations along each line only find where the slope changes its sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.path.border import Border, border_of
+from planner.path.coverage import (
+    BorderHeights,
+    GapCusps,
+    border_cusps,
+    border_heights,
+    guess_from,
+    inner_cusps,
+    stretches,
+)
+from planner.path.offset import OffsetSurface
+from planner.path.scallop import Cusps, Held, Reaches, solve_reaches
+from planner.path.seeds import Seeds
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class Peaks:
+    """The highest cusp of every gap, arrays (passes - 1,); height 0 where no cusp lies on the patch.
+
+    `by_a`, `by_b` are the changes of the height with the lower and the upper plane; `x` and `foot` (2, ...) say where.
+    `first_mm`, `last_mm` are the greatest heights that the first and last pass leave on the border beyond them,
+    `first_by` the change of the first with its plane. `missed` counts cusps that Newton's method did not find.
+    """
+
+    height_mm: Array
+    by_a: Array
+    by_b: Array
+    x: Array
+    foot: Array
+    first_mm: float
+    first_by: float
+    last_mm: float
+    missed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """A surface ready for planning: in the frame of the passes (+x along them), with seeds and sampled border."""
+
+    surface: OffsetSurface
+    seeds: Seeds
+    border: Border
+    station_mm: float
+
+
+def survey(ground: Ground, planes_mm: Array, height_mm: float, *, coarse: int = 1) -> tuple[Peaks, GapCusps]:
+    """The true maxima of all gaps, of the first and of the last strip, and the interior maxima by themselves.
+
+    `height_mm` is where Newton starts; `coarse` spreads the stations that many times further.
+    """
+    heights = border_heights(ground.surface, ground.border, planes_mm)
+    ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
+    gap, x = _stations(*stretches(ends), coarse * ground.station_mm)
+    inner = inner_cusps(ground.surface, ground.seeds, planes_mm, gap, x, height_mm)
+    tops = _tops(ground, inner, planes_mm)
+    missed = int((~inner.cusps.is_found).sum())
+    return _peaks(ground, heights, planes_mm, ends, tops, missed), tops
+
+
+def survey_at(ground: Ground, planes_mm: Array, tops: GapCusps) -> Peaks:
+    """The maxima as `survey` finds them if the interior ones stay in place: cheap, for planes that moved a little."""
+    heights = border_heights(ground.surface, ground.border, planes_mm)
+    ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
+    guess = guess_from(tops.cusps)
+    moved = inner_cusps(ground.surface, ground.seeds, planes_mm, tops.gap, tops.cusps.x, 0.0, guess)
+    return _peaks(ground, heights, planes_mm, ends, moved, 0)
+
+
+def strip_behind(ground: Ground, planes_mm: Array) -> tuple[float, float]:
+    """The greatest height on the border behind the last of these planes, and its change by that plane."""
+    last = planes_mm[-1:]
+    return _strip_peak(ground, border_heights(ground.surface, ground.border, last), last, 1)
+
+
+def lay_ground(surface: OffsetSurface, seeds: Seeds, *, pick_feed_mm: float) -> Ground:
+    """The ground for passes about this far apart: the border is sampled five times as densely."""
+    spans = len(surface.patch.basis_u.starts) * len(surface.patch.basis_v.starts)
+    span = np.sqrt(np.ptp(seeds.centres, axis=1).prod() / spans)
+    border = border_of(surface, spacing_mm=pick_feed_mm / 5)
+    return Ground(surface, seeds, border, station_mm=float(min(surface.radius_mm, span)))
+
+
+def _stations(gap: Indices, start: Array, stop: Array, spacing_mm: float) -> tuple[Indices, Array]:
+    """Places along each stretch, both ends included, at most `spacing_mm` apart and at least 5."""
+    counts = np.maximum(np.ceil((stop - start) / spacing_mm), 4).astype(np.intp) + 1
+    owner = np.repeat(np.arange(len(gap)), counts)
+    rank = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = rank / (counts[owner] - 1)
+    return gap[owner], start[owner] + share * (stop - start)[owner]
+
+
+def _tops(ground: Ground, inner: GapCusps, planes_mm: Array, rounds: int = 3) -> GapCusps:
+    """The highest interior maximum of every gap: the slope's zero between two stations, by repeated interpolation."""
+    cusps, gap = inner.cusps, inner.gap
+    rises = (gap[1:] == gap[:-1]) & (cusps.slope[:-1] > 0) & (cusps.slope[1:] < 0)
+    left = np.flatnonzero(rises)
+    top, place = _hermite_top(*_bracket(cusps, left, left + 1))
+    best = _best_of_each(gap[left], top)
+    left, place, right = left[best], place[best], left[best] + 1
+    low, high = cusps.take(left), cusps.take(right)
+    found = inner_cusps(ground.surface, ground.seeds, planes_mm, gap[left], place, 0.0, guess_from(low))
+    for _ in range(rounds):
+        is_before = found.cusps.slope > 0
+        low, high = _choose(is_before, found.cusps, low), _choose(is_before, high, found.cusps)
+        _, place = _hermite_top(low.x, high.x, low.height_mm, high.height_mm, low.slope, high.slope)
+        found = inner_cusps(ground.surface, ground.seeds, planes_mm, gap[left], place, 0.0, guess_from(found.cusps))
+    return found
+
+
+def _bracket(cusps: Cusps, left: Indices, right: Indices) -> Iterator[Array]:
+    for values in (cusps.x, cusps.height_mm, cusps.slope):
+        yield values[left]
+        yield values[right]
+
+
+def _choose(flags: NDArray[np.bool_], yes: Cusps, no: Cusps) -> Cusps:
+    names = Cusps.__slots__
+    return Cusps(*(np.where(flags, getattr(yes, name), getattr(no, name)) for name in names))
+
+
+def _hermite_top(
+    x_low: Array, x_high: Array, h_low: Array, h_high: Array, slope_low: Array, slope_high: Array
+) -> tuple[Array, Array]:
+    """The maximum of the cubic through two points with a rising slope first and a falling one after, eq. (14)."""
+    run = np.maximum(x_high - x_low, 1e-300)
+    rise = (h_high - h_low) / run
+    bend = 3 * (slope_low + slope_high - 2 * rise)
+    mid = 3 * rise - 2 * slope_low - slope_high
+    root = np.sqrt(np.maximum(mid**2 - bend * slope_low, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.nan_to_num(slope_low / (root - mid), nan=0.5)
+    share = np.clip(share, 0.0, 1.0)
+    height = h_low + run * share * (slope_low + share * (mid + share * bend / 3))
+    return height, x_low + share * run
+
+
+def _best_of_each(gap: Indices, height: Array) -> Indices:
+    """The index of the highest entry of each gap."""
+    order = np.lexsort((height, gap))
+    is_last = np.append(gap[order][1:] != gap[order][:-1], True) if len(gap) else np.zeros(0, dtype=bool)
+    return np.asarray(order[is_last], dtype=np.intp)
+
+
+def _peaks(
+    ground: Ground, heights: BorderHeights, planes_mm: Array, ends: GapCusps, tops: GapCusps, missed: int
+) -> Peaks:
+    """The highest cusp of each gap among the ends of its lines and its interior maxima."""
+    gap = np.concatenate([ends.gap, tops.gap])
+    names = Cusps.__slots__
+    every = Cusps(*(np.concatenate([getattr(ends.cusps, n), getattr(tops.cusps, n)], axis=-1) for n in names))
+    best = _best_of_each(gap, np.where(every.is_found, every.height_mm, -np.inf))
+    best = best[every.is_found[best]]
+    height, by_a, by_b, x = (np.zeros(len(planes_mm) - 1) for _ in range(4))
+    foot = np.zeros((2, len(planes_mm) - 1))
+    for column, values in ((height, every.height_mm), (by_a, every.by_a), (by_b, every.by_b), (x, every.x)):
+        column[gap[best]] = values[best]
+    foot[:, gap[best]] = every.foot[:, best]
+    first_mm, first_by = _strip_peak(ground, heights, planes_mm, 0)
+    last_mm, _ = _strip_peak(ground, heights, planes_mm, len(planes_mm))
+    missed += int((~every.is_found).sum())
+    return Peaks(height, by_a, by_b, x, foot, first_mm, first_by, last_mm, missed)
+
+
+def _strip_peak(ground: Ground, heights: BorderHeights, planes_mm: Array, gap: int) -> tuple[float, float]:
+    """The greatest height on the border before the first (gap 0) or behind the last pass; its change by the plane."""
+    chosen = np.flatnonzero(heights.gap == gap)
+    if not len(chosen):
+        return 0.0, 1.0
+    levels, reaches = (heights.above, heights.upper) if gap == 0 else (heights.below, heights.lower)
+    plane_mm = float(planes_mm[0 if gap == 0 else -1])
+    at = int(chosen[np.argmax(levels[chosen])])
+    best = float(levels[at]), float(reaches.by_plane[at])
+    for stretch in (at, at - 1):
+        ends = np.array([stretch, stretch + 1]) % len(levels)
+        if (heights.gap[ends] == gap).all() and np.isfinite(levels[ends]).all():
+            best = max(best, _stretch_peak(ground, int(ends[0]), ends, levels, reaches, plane_mm))
+    return best
+
+
+def _stretch_peak(
+    ground: Ground, stretch: int, ends: Indices, levels: Array, reaches: Reaches, plane_mm: float, rounds: int = 4
+) -> tuple[float, float]:
+    """The maximum inside one stretch of the border, or (-inf, 1) if the height has none there."""
+    border = ground.border
+    axis = 0 if border.held[stretch] == Held.V.value else 1
+    known = sorted((border.parameters[axis, j], levels[j], reaches.along[axis, j]) for j in ends)
+    best = -np.inf, 1.0
+    if not (known[0][0] < known[1][0] and known[0][2] > 0 > known[1][2]):
+        return best
+    for _ in range(rounds):
+        pairs = zip(*known, strict=True)
+        _, place = _hermite_top(*(np.array([value]) for pair in pairs for value in pair))
+        held = np.array([border.value[stretch]])
+        under = ground.surface.evaluate(*((place, held) if axis == 0 else (held, place)))
+        top = solve_reaches(ground.surface, under, np.array([plane_mm]), reaches.on_pass[:, ends[:1]])
+        if not top.is_found[0]:
+            return best
+        gain = float(top.height_mm[0]) - best[0]
+        best = max(best, (float(top.height_mm[0]), float(top.by_plane[0])))
+        if abs(gain) <= 1e-10:
+            break
+        slope = float(top.along[axis, 0])
+        known[0 if slope > 0 else 1] = (place[0], top.height_mm[0], slope)
+    return best
