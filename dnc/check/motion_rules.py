@@ -1,0 +1,199 @@
+"""Rules over canonical commands: what the tool would really do, freed of modality.
+
+Without a job the part is known only from the program itself: the lowest height that a rapid reached counts as clear of
+it, and what was cut below counts as part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from dnc.check import track as geometry
+from dnc.check.finding import Finding, Severity
+from dnc.check.track import Track
+from sim.interpreter import canon
+
+CommandRule = Callable[[canon.Command, Track], Iterator[Finding]]
+
+_FEEDS = (canon.Line, canon.Arc, canon.Polynomial)
+_AXES = ("X", "Y", "Z")
+_STEEP = 0.5
+_TOUCH_MM = 1e-6
+
+
+def alarm(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """What the control refuses."""
+    del track
+    if isinstance(command, canon.Alarm):
+        name = _ALARMS.get(command.number, "alarm")
+        text, _, remedy = command.text.partition("; ")
+        yield Finding(
+            name,
+            Severity.ERROR,
+            command.line,
+            command.column or 1,
+            text,
+            f"the control stops here with alarm {command.number}",
+            remedy or "mend the block",
+        )
+
+
+_ALARMS = {
+    14000: "jump", 12080: "syntax", 12060: "group-twice", 12470: "unknown-word", 12550: "unknown-word",
+    12110: "unknown-word", 14011: "missing-subprogram", 14040: "arc-open", 10860: "no-feed",
+    10810: "no-spindle", 14290: "spline", 14750: "unknown-word", 10730: "axis-limit",
+}  # fmt: skip
+
+
+def rapid_z_and_xy(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """A rapid that moves Z together with X or Y."""
+    if not isinstance(command, canon.Rapid) or not track.is_position_known:
+        return
+    if geometry.moves_xy(command) and command.start[2] != command.end[2]:
+        yield Finding(
+            "rapid-z-and-xy",
+            Severity.WARNING,
+            command.line,
+            1,
+            "the rapid moves Z together with X or Y",
+            "axes arrive one after the other, the way between is not defined",
+            "move Z alone, then X and Y",
+        )
+
+
+def rapid_below(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """A rapid that ends below the clearance, or below the height at which the program traverses."""
+    if not isinstance(command, canon.Rapid) or not track.is_position_known:
+        return
+    low_mm = min(command.start[2], command.end[2]) if geometry.moves_xy(command) else command.end[2]
+    given = track.limits.clearance_z_mm
+    limit_mm, what = (track.cut_top_mm, "the highest cut") if given is None else (given, "the clearance")
+    if low_mm < limit_mm - _TOUCH_MM and not geometry.is_retract(command):
+        yield Finding(
+            "rapid-below-clearance",
+            Severity.ERROR,
+            command.line,
+            1,
+            f"the rapid runs at Z {low_mm:g}, below {what} at Z {limit_mm:g}",
+            "at rapid speed nothing stops in time",
+            "retract first; go down with G1 and a plunge feed",
+        )
+
+
+def rapid_through_stock(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """A rapid whose axis box meets the stock: the way between its ends is not a straight line."""
+    box = track.limits.stock_box_mm
+    if box is None or not isinstance(command, canon.Rapid) or not track.is_position_known:
+        return
+    if geometry.is_retract(command):
+        return
+    low = [min(pair) for pair in zip(command.start, command.end, strict=True)]
+    high = [max(pair) for pair in zip(command.start, command.end, strict=True)]
+    if all(high[axis] > box[0][axis] and low[axis] < box[1][axis] for axis in range(3)):
+        yield Finding(
+            "rapid-through-stock",
+            Severity.ERROR,
+            command.line,
+            1,
+            "the rapid can pass through the stock",
+            "the box of its ends meets the stock of the job, and rapids do not run straight",
+            "retract above the stock first",
+        )
+
+
+def without_spindle_or_tool(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """Cutting with a spindle that stands, or with no tool called."""
+    if not isinstance(command, _FEEDS) or track.cut_mm + track.air_mm > 0.0:
+        return
+    if track.spindle_rpm == 0.0:
+        yield Finding(
+            "no-spindle",
+            Severity.ERROR,
+            command.line,
+            1,
+            "the first feed move comes with the spindle stopped",
+            "the tool breaks in the material",
+            "write S and M3 before it",
+        )
+    if track.tool is None:
+        yield Finding(
+            "no-tool",
+            Severity.WARNING,
+            command.line,
+            1,
+            "the first feed move comes before any tool was called",
+            "what is in the spindle cuts, with whatever length is active",
+            "write T, M6 and D before it",
+        )
+
+
+def no_dwell(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """The first feed move after a spindle start without a dwell between."""
+    if isinstance(command, _FEEDS) and track.spindle_line is not None and track.spindle_rpm:
+        yield Finding(
+            "no-spindle-dwell",
+            Severity.WARNING,
+            track.spindle_line,
+            1,
+            f"no dwell between the spindle start and the first feed move in line {command.line}",
+            "the spindle may not have its speed when the tool meets the material",
+            "write G4 F2 after M3",
+        )
+
+
+def reversal(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """A feed move in the material that runs back where the tool came from."""
+    if not isinstance(command, _FEEDS) or track.is_backward or geometry.is_air(command, track.clear_z_mm):
+        return
+    if geometry.turns_back(track.direction, command):
+        yield Finding(
+            "reversal",
+            Severity.ERROR,
+            command.line,
+            1,
+            f"the tool runs {geometry.length(command):.2f} mm backwards inside a pass",
+            "a coordinate may have lost a digit; the material behind is cut again, perhaps too deep",
+            "compare the block with its neighbours",
+        )
+
+
+def axis_limit(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """An end beyond the travel of an axis, with the work offset at machine zero."""
+    if not isinstance(command, (canon.Rapid, *_FEEDS)):
+        return
+    for axis, name in enumerate(_AXES):
+        travel = track.limits.profile.axes[name]  # type: ignore[index]
+        at_mm = command.end[axis]
+        if at_mm != command.start[axis] and not travel.min_mm <= at_mm <= travel.max_mm:
+            yield Finding(
+                "axis-limit",
+                Severity.ERROR,
+                command.line,
+                1,
+                f"{name} {at_mm:g} is outside its travel {travel.min_mm:g} to {travel.max_mm:g}",
+                "checked with the work offset at machine zero",
+                "check zero point and profile, or move the part",
+            )
+
+
+def steep_plunge(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """A plunge as fast as the cut after it."""
+    if not isinstance(command, _FEEDS) or track.plunge is None or not geometry.moves_xy(command):
+        return
+    plunge = track.plunge
+    if plunge.feed_mm_min > _STEEP * command.feed_mm_min:
+        yield Finding(
+            "steep-plunge",
+            Severity.WARNING,
+            plunge.line,
+            1,
+            f"the tool plunges {plunge.start[2] - plunge.end[2]:g} mm straight down at {plunge.feed_mm_min:g} mm/min",
+            f"that is more than half the feed of the cut, {command.feed_mm_min:g} mm/min; a ball's tip does not cut",
+            "plunge slower, or down a ramp",
+        )
+
+
+COMMAND_RULES: tuple[CommandRule, ...] = (
+    alarm, rapid_z_and_xy, rapid_below, rapid_through_stock, without_spindle_or_tool, no_dwell, reversal,
+    axis_limit, steep_plunge,
+)  # fmt: skip

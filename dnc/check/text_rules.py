@@ -1,0 +1,95 @@
+"""Rules over raw lines: marks of other encodings, control bytes, characters outside the set, lines too long."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+
+from dnc.check.finding import Finding, Severity
+from dnc.check.track import Limits
+from dnc.framing import CHARACTER_SETS
+from planner.gcode import DIALECTS
+
+LineRule = Callable[[bytes, int, Limits], Iterator[Finding]]
+
+UTF8_MARK = b"\xef\xbb\xbf"
+UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_MARKS = {UTF8_MARK: "a UTF-8 byte order mark", **dict.fromkeys(UTF16_MARKS, "UTF-16 text")}
+_CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
+_CONTROL_NAMES = {
+    0x00: "NUL",
+    0x04: "EOT",
+    0x11: "DC1 (XON)",
+    0x12: "DC2",
+    0x13: "DC3 (XOFF)",
+    0x14: "DC4",
+    0x1A: "SUB",
+}
+
+
+def encoding_mark(raw: bytes, line: int, limits: Limits) -> Iterator[Finding]:
+    """A byte order mark or UTF-16 at the very start."""
+    del limits
+    for mark, what in _MARKS.items():
+        if line == 1 and raw.startswith(mark):
+            yield Finding(
+                "encoding",
+                Severity.ERROR,
+                1,
+                1,
+                f"the file starts with {what}",
+                "the control takes these bytes for characters of the first block",
+                "save it as plain ASCII",
+            )
+
+
+def control_byte(raw: bytes, line: int, limits: Limits) -> Iterator[Finding]:
+    """Bytes that act on the line, such as DC3 in a comment."""
+    del limits
+    for found in _CONTROL.finditer(raw.rstrip(b"\r\n")):
+        byte = found.group()[0]
+        yield Finding(
+            "control-byte",
+            Severity.ERROR,
+            line,
+            found.start() + 1,
+            f"{_CONTROL_NAMES.get(byte, 'control byte')} 0x{byte:02X} stands in the program",
+            "on the line it acts as a signal, not as a character",
+            "remove it",
+        )
+        return
+
+
+def foreign_character(raw: bytes, line: int, limits: Limits) -> Iterator[Finding]:
+    """Characters that the profile's set does not hold."""
+    name = limits.profile.tape.character_set
+    bad = _CONTROL.sub(b"", raw.removeprefix(UTF8_MARK)).translate(None, CHARACTER_SETS[name])
+    if bad:
+        yield Finding(
+            "character",
+            Severity.ERROR,
+            line,
+            raw.index(bad[:1]) + 1,
+            f"{bad[:1].decode('latin-1')!r} is not in the character set {name}",
+            "the control may read another character or stop",
+            "write it with letters of that set",
+        )
+
+
+def long_line(raw: bytes, line: int, limits: Limits) -> Iterator[Finding]:
+    """Blocks longer than the control reads."""
+    most = DIALECTS[limits.profile.control.dialect].max_block_characters
+    size = len(raw.rstrip(b"\r\n")) + 1
+    if size > most:
+        yield Finding(
+            "long-line",
+            Severity.ERROR,
+            line,
+            most,
+            f"the block has {size} characters, the control reads {most}",
+            "what stands beyond is lost or stops the program",
+            "break the block up",
+        )
+
+
+LINE_RULES: tuple[LineRule, ...] = (encoding_mark, control_byte, foreign_character, long_line)

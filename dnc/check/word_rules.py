@@ -1,0 +1,216 @@
+"""Rules over single blocks as the reader gives them: numbers, codes, words of other dialects, empty moves, jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from dnc.check.finding import Finding, Severity
+from dnc.check.track import Track, motion_code_of
+from planner.gcode import GROUP_OF, Block, ModalGroup, Word, code_of
+from planner.gcode.statement import Case, For, Jump, Mark, Marker, RepeatSection, Until, While
+
+BlockRule = Callable[[Block, Track], Iterator[Finding]]
+
+_ISO_CODES = {
+    "G28": "return to the reference point", "G29": "return from the reference point", "G30": "second reference point",
+    "G05": "high-speed mode", "G43": "tool length offset", "G44": "tool length offset", "G49": "tool length offset off",
+    "G92": "setting of the origin", "G98": "return level of cycles", "G99": "return level of cycles",
+    "G6.2": "NURBS", "G5.1": "AI contour control", "G5.2": "NURBS", "G5.3": "end of NURBS", "G20": "inches",
+    "G21": "millimetres",
+    **{f"G{number}": "a drilling cycle" for number in (73, 76, *range(80, 90))},
+}  # fmt: skip
+_ISO_UNITS = {"G20": "G70", "G21": "G71"}
+_AXES = frozenset("XYZ")
+_FEED_CODES = frozenset({"G1", "G2", "G3"})
+_LOOPS = (Jump, While, For, Until, Case, RepeatSection)
+
+
+def number_twice(block: Block, track: Track) -> Iterator[Finding]:
+    """The same N again."""
+    if block.number is not None and block.number in track.numbers:
+        yield Finding(
+            "number-duplicate",
+            Severity.WARNING,
+            block.line,
+            1,
+            f"N{block.number} stands twice",
+            "a block search or a restart may begin at the wrong one",
+            "number the blocks again",
+        )
+
+
+def number_descends(block: Block, track: Track) -> Iterator[Finding]:
+    """N smaller than the one before."""
+    last = track.last_number
+    if block.number is not None and last is not None and block.number < last:
+        yield Finding(
+            "number-descending",
+            Severity.WARNING,
+            block.line,
+            1,
+            f"N{block.number} comes after N{last}",
+            "a block search may not find it",
+            "number the blocks again",
+        )
+
+
+def other_dialect(block: Block, track: Track) -> Iterator[Finding]:
+    """Codes and spellings of ISO controls in a SINUMERIK program."""
+    if track.limits.profile.control.dialect != "sinumerik":
+        return
+    for word in block.words:
+        code = _spelled(word)
+        if code in _ISO_CODES:
+            instead = _ISO_UNITS.get(code, "")
+            yield Finding(
+                "wrong-dialect",
+                Severity.ERROR,
+                block.line,
+                word.column,
+                f"{code} ({_ISO_CODES[code]}) is a code of the ISO dialect",
+                "a SINUMERIK stops with an alarm, or does it only in ISO mode",
+                f"write {instead}" if instead else "write it in SINUMERIK's words" + _HINTS.get(code, ""),
+            )
+        elif word.address == "O" and word.number is not None:
+            yield Finding(
+                "wrong-dialect",
+                Severity.ERROR,
+                block.line,
+                word.column,
+                f"O{word.text} is a program number of the ISO dialect",
+                "a SINUMERIK does not know the address",
+                "name the program in a header %_N_NAME_MPF",
+            )
+
+
+_HINTS = {"G28": ", such as G0 SUPA Z.. D0 or G75"}
+
+
+def iso_comment(text: str, line: int) -> Iterator[Finding]:
+    """A comment in round brackets, which the reader cannot read."""
+    if text.lstrip().startswith("("):
+        yield Finding(
+            "wrong-dialect",
+            Severity.ERROR,
+            line,
+            text.index("(") + 1,
+            "a comment in brackets is of the ISO dialect",
+            "a SINUMERIK stops with an alarm",
+            "begin comments with ;",
+        )
+
+
+def idle_words(block: Block, track: Track) -> Iterator[Finding]:
+    """For a block with coordinates that moved nothing: the end is where the tool stands already."""
+    if track.end_line is not None:
+        return
+    axes = [word for word in block.words if word.address in _AXES and word.value is not None]
+    groups = {GROUP_OF.get(code_of(word) or "") for word in block.words}
+    if axes and track.motion_code in _FEED_CODES and not groups & {ModalGroup.FRAME, ModalGroup.ONE_SHOT}:
+        yield Finding(
+            "zero-length",
+            Severity.WARNING,
+            block.line,
+            axes[0].column,
+            "the move has no length",
+            "the tool stands there already; a coordinate may be wrong",
+            "delete the block, or mend it",
+        )
+
+
+def empty_motion(block: Block, track: Track) -> Iterator[Finding]:
+    """A motion code alone: a block without a command."""
+    del track
+    if len(block.words) == 1:
+        code = code_of(block.words[0])
+        if code is not None and GROUP_OF.get(code) is ModalGroup.MOTION and code not in ("POLY", "BSPLINE"):
+            yield Finding(
+                "empty-motion",
+                Severity.WARNING,
+                block.line,
+                block.words[0].column,
+                f"{code} moves nothing",
+                "the block has no coordinate; one may have been lost",
+                "complete it or delete the block",
+            )
+
+
+def unit_switch(block: Block, track: Track) -> Iterator[Finding]:
+    """Inch and metric after the first move."""
+    for word in block.words:
+        code = code_of(word)
+        if code and GROUP_OF.get(code) is ModalGroup.UNITS and track.has_moved:
+            yield Finding(
+                "unit-switch",
+                Severity.WARNING,
+                block.line,
+                word.column,
+                f"{code} switches the unit after the first move",
+                "every coordinate after it has another size",
+                "give the unit once, in the head",
+            )
+
+
+def jump_while_fed(block: Block, track: Track) -> Iterator[Finding]:
+    """Jumps and loops: a drip-fed control no longer has, or does not yet have, the target."""
+    del track
+    statement = block.statement
+    is_loop = isinstance(statement, _LOOPS) or (
+        isinstance(statement, Mark) and statement.marker in (Marker.LOOP, Marker.REPEAT)
+    )
+    if is_loop:
+        name = statement.keyword if isinstance(statement, Jump) else type(statement).__name__.upper()
+        yield Finding(
+            "jump",
+            Severity.ERROR,
+            block.line,
+            1,
+            f"{name} cannot be run while the program is fed",
+            "the blocks it goes to are not in the control's memory",
+            "write the blocks out, or load the program whole",
+        )
+
+
+def spline_run(block: Block, track: Track) -> Iterator[Finding]:
+    """At the end of a run of BSPLINE blocks: too few of them, or knot intervals in some only."""
+    run, least = track.spline, track.limits.profile.control.min_spline_blocks
+    ends = motion_code_of(block) not in (None, "BSPLINE")
+    if run.blocks == 0 or not ends:
+        return
+    if run.blocks < least:
+        yield Finding(
+            "spline-blocks",
+            Severity.WARNING,
+            run.line,
+            1,
+            f"the spline has {run.blocks} blocks, fewer than {least}",
+            "of any ten blocks the control wants at least six with spline points",
+            "insert knots, or write POLY",
+        )
+    if run.with_length not in (0, run.blocks):
+        yield Finding(
+            "spline-blocks",
+            Severity.ERROR,
+            run.line,
+            1,
+            f"PL stands in {run.with_length} of {run.blocks} spline blocks",
+            "what the control does with the others is not documented",
+            "write PL in every block, 0 in first and last",
+        )
+
+
+def _spelled(word: Word) -> str | None:
+    if word.address != "G":
+        return None
+    return "G05" if word.text in ("05", "5") else code_of(word)
+
+
+BLOCK_RULES: tuple[BlockRule, ...] = (
+    number_twice,
+    number_descends,
+    other_dialect,
+    empty_motion,
+    unit_switch,
+    jump_while_fed,
+    spline_run,
+)

@@ -1,0 +1,64 @@
+"""dnc check: findings about a program before a byte leaves."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from planner.errors import ExitCode
+
+if TYPE_CHECKING:
+    from dnc.check.finding import Collection
+    from dnc.check.track import Limits
+
+
+@click.command(epilog="Example: dnc check part.mpf --machine sinumerik-840d --job job.toml")
+@click.argument("program", type=click.Path(path_type=Path))
+@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
+@click.option("--job", type=click.Path(path_type=Path), help="job file: stock box and clearance of the part")
+@click.option("--baud", type=click.IntRange(50, 4_000_000), help="in place of the profile's")
+@click.option("--json", "as_json", is_flag=True, help="the report as JSON on stdout")
+def command(program: Path, machine: str, job: Path | None, baud: int | None, as_json: bool) -> int:
+    """Interpret PROGRAM without moving anything and list what is wrong; exit 3 when an error is found."""
+    from dnc.check.run import check_program
+
+    limits = _limits(machine, job, baud)
+    size_bytes = program.stat().st_size if program.is_file() else 0
+    with click.progressbar(
+        length=size_bytes, label="checking", file=sys.stderr, hidden=not sys.stderr.isatty() or size_bytes < 1_000_000
+    ) as bar:
+        done = check_program(program, limits, lambda at: bar.update(at - bar.pos))
+    if as_json:
+        click.echo(json.dumps({"program": program.name, **done.found.report(), "blocks": done.track.blocks}, indent=1))
+    else:
+        _print(program, done.found, done.track.blocks)
+    return int(ExitCode.REJECTED if done.found.has_errors else ExitCode.OK)
+
+
+def _limits(machine: str, job: Path | None, baud: int | None) -> Limits:
+    import msgspec
+
+    from dnc.check.track import Limits
+    from dnc.profile import load_profile, profile_path
+    from planner.job import load_job
+
+    profile = load_profile(profile_path(machine))
+    if baud is not None:
+        profile = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=baud))
+    if job is None:
+        return Limits(profile)
+    setup = load_job(job).setup
+    return Limits(profile, setup.clearance_z_mm, setup.stock_box_mm)
+
+
+def _print(program: Path, found: Collection, blocks: int) -> None:
+    report = found.report()
+    for finding in sorted(found.findings, key=lambda one: (one.line, one.column)):
+        click.echo(finding.sentence(program.name))
+    for name, count in report["not_listed"].items():
+        click.echo(f"{program.name}: {count} more findings {name}")
+    click.echo(f"{blocks} blocks: {report['errors']} errors, {report['warnings']} warnings, {report['notes']} notes")

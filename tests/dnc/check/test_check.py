@@ -1,0 +1,200 @@
+"""The check as a whole and rule by rule: clean programs, places, heights from a job, bounded memory, the command."""
+
+from __future__ import annotations
+
+import json
+import tracemalloc
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dnc.check.run import Check, check_program
+from dnc.check.track import Limits, NumberSet
+from dnc.cli.check import command
+from dnc.cli.main import run_with
+from dnc.profile import load_profile
+from dnc.shipped import shipped_path
+from planner.post.base import ControlLimits, write_program
+from tests.planner.post.paths import THESIS, job, polyline, spline, tool_path
+
+PROFILE = load_profile(shipped_path("machines", "sinumerik-840d"))
+HEAD = "%_N_T_MPF\nG17 G40 G64 G71 G90 G94\nG54\nG0 Z50\nT2 M6\nD1\nS1000 M3\nG4 F2\nG0 X0 Y0\nZ10\nG1 Z1 F100\n"
+TAIL = "G0 Z50\nM5\nM30\n"
+
+
+def ids(middle: str, limits: Limits | None = None, head: str = HEAD, tail: str = TAIL) -> list[tuple[str, int]]:
+    check = Check(limits or Limits(PROFILE))
+    for number, raw in enumerate((head + middle + tail).encode("latin-1").splitlines(keepends=True), 1):
+        check.line(raw, number)
+    check.finish()
+    first = head.count("\n")
+    return [(finding.id, finding.line - first) for finding in check.found.findings]
+
+
+@pytest.mark.parametrize("blocks", ["poly", "bspline", "linear"])
+@pytest.mark.parametrize("retract_z_mm", [None, 400.0])
+def test_our_own_programs_are_clean(tmp_path: Path, blocks: str, retract_z_mm: float | None) -> None:
+    """Nothing to find in what the post writes, with the job's heights and stock known (6.8, 6.10)."""
+    made = job(blocks=blocks)
+    shapes = [polyline(1), polyline(2)] if blocks == "linear" else [spline(1), spline(2)]
+    path = tmp_path / "part.mpf"
+    limits = ControlLimits(retract_z_mm=retract_z_mm)
+    path.write_bytes(write_program(made, made.operation[0], tool_path(shapes), limits).data)
+    setup = made.setup
+    done = check_program(path, Limits(PROFILE, setup.clearance_z_mm, setup.stock_box_mm))
+    assert done.found.findings == []
+
+
+def test_a_clean_program_has_no_findings() -> None:
+    assert ids("G1 X10 F250\nX20 Y5\n") == []
+
+
+@pytest.mark.parametrize(
+    ("middle", "found"),
+    [
+        ("G1 X10 F250\nX40\nX18\nX50\n", [("reversal", 3)]),
+        ("G1 X10 F250\nX10\n", [("zero-length", 2)]),
+        ("G1 X10 F250\nG1 X20 Q1\nX30\n", [("unknown-word", 2)]),
+        ("G1 X10 F250\nX20 Y\n", [("syntax", 2)]),
+        ("G1 X10 F250\nG2 X20 Y0 I4 J0\n", [("arc-open", 2)]),
+        ("G1 X10 F250\nG0 X20\n", []),
+        ("G1 X10 Z2 F250\nG0 X20 Z1.5\n", [("rapid-z-and-xy", 2), ("rapid-below-clearance", 2)]),
+        ("G1 X10 F250\nG0 Z10\nG0 X20 Z12\n", [("rapid-z-and-xy", 3)]),
+        ("G1 X10 F250\nG71\n", [("unit-switch", 2)]),
+        ("G1 X10 F150\n", [("steep-plunge", 0)]),
+        ("G1 X10 F250\nX2000\n", [("axis-limit", 2)]),
+        ("N5 G1 X10 F250\nN5 X20\n", [("number-duplicate", 2)]),
+        ("N5 G1 X10 F250\nN4 X20\n", [("number-descending", 2)]),
+        ("G1 X10 F250\nG43 H1\n", [("wrong-dialect", 2)]),
+        ("G1 X10 F250 ; \x13\n", [("control-byte", 1)]),
+        ("G1 X10 F250\nG1\n", [("empty-motion", 2)]),
+        ("G1 X10 F250\nGOTOB AGAIN\n", [("jump", 2)]),
+        ("G1 X10 F250\n%\n", [("stray-percent", 2)]),
+        ("G1 X10 F250\nM30\nX20\n", [("after-end", 3), ("after-end", 3)]),
+    ],
+    ids=lambda value: value.replace("\n", "|") if isinstance(value, str) else "",
+)
+def test_each_rule(middle: str, found: list[tuple[str, int]]) -> None:
+    """(6.10)"""
+    got = ids(middle)
+    assert list(dict.fromkeys(got)) == list(dict.fromkeys(found))
+
+
+def test_no_end_no_header_no_spindle_no_tool_no_feed() -> None:
+    """(6.10)"""
+    names = {name for name, _ in ids("", head="G0 Z50\nG1 X5\nG1 X5 F100\n", tail="")}
+    assert {"no-end", "no-header", "no-spindle", "no-tool", "no-feed"} <= names
+
+
+def test_dwell_is_missed_only_between_spindle_and_cut() -> None:
+    """(2.4)"""
+    assert ("no-spindle-dwell", 7 - 11) in ids("", head=HEAD.replace("G4 F2\n", "M8\n"))
+
+
+def test_heights_and_stock_of_the_job() -> None:
+    """A rapid below the clearance, and one whose axis box meets the stock though its line does not (6.10)."""
+    with_job = Limits(PROFILE, clearance_z_mm=10.0, stock_box_mm=((0, 0, -20), (50, 50, 4)))
+    assert ("rapid-below-clearance", 2) in ids("G0 Z10\nG0 Z5\n", with_job)
+    crossing = ids("G0 Z10\nG0 X-5 Y-5\nG0 Z3\nG0 Y60\nG0 X60 Y-5\n", with_job)
+    assert ("rapid-through-stock", 5) in crossing
+    assert ("rapid-through-stock", 4) not in crossing
+
+
+def test_the_line_rate_at_100_and_120_percent() -> None:
+    """The worst 2 s window against what the line carries (6.10)."""
+    dense = "".join(f"X{0.1 * number:.4f}Z{1 + 0.001 * (number % 3):.4f}\n" for number in range(1, 2000))
+    assert ("line-too-slow", 1) in [(name, 1) for name, _ in ids("G1 F6000\n" + dense)]
+    assert not [name for name, _ in ids("G1 F200\n" + dense) if name == "line-too-slow"]
+
+
+def test_spline_blocks() -> None:
+    """Too few, and PL in some of them only (6.10)."""
+    short = ids("BSPLINE X5 Z2 PL=0 F250\nX10 PL=1\nX15 PL=0\nG1 X20\n")
+    assert ("spline-blocks", 1) in short
+    odd = ids("BSPLINE X5 Z2 PL=0 F250\n" + "".join(f"X{number}\n" for number in range(6, 12)) + "G1 X20\n")
+    assert ("spline-blocks", 1) in odd
+
+
+def test_after_an_alarm_the_rest_is_checked_in_the_same_state() -> None:
+    """One refused block does not hide the next fault, and the state carries over (6.10)."""
+    found = ids("TRANS X5\nG1 X10 F250\nX20 Q1\nX40\nX22\nX60\n")
+    assert found == [("unknown-word", 3), ("reversal", 5)]
+
+
+def test_memory_stays_bounded(tmp_path: Path) -> None:
+    """Ten times the program, the same memory (6.10)."""
+    peaks = []
+    for count in (400, 4_000):
+        path = tmp_path / f"{count}.mpf"
+        with path.open("w") as file:
+            file.write(HEAD)
+            for number in range(count):
+                file.write(f"N{number + 1} G1 X{number % 50 + 1}.{number % 7} Y{number % 3} F{250 + number % 2}\n")
+        tracemalloc.start()
+        done = check_program(path, Limits(PROFILE))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert done.track.blocks > count
+    assert peaks[1] < 1.2 * peaks[0] + 100_000
+
+
+def test_a_file_of_rubbish_ends_soon() -> None:
+    """After a hundred refused blocks motions are no longer followed, and that is said (6.10)."""
+    found = ids("G1 X10 Q1 F250\n" * 500)
+    assert ("not-checked", 100) in found
+    assert sum(name == "unknown-word" for name, _ in found) == 20
+
+
+@given(st.lists(st.integers(0, 10**7), max_size=30), st.integers(0, 10**7))
+@settings(max_examples=30, deadline=None)
+def test_number_set(numbers: list[int], asked: int) -> None:
+    seen = NumberSet()
+    for number in numbers:
+        seen.add(number)
+    assert (asked in seen) == (asked in numbers)
+    assert all(number in seen for number in numbers)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_mutated_programs_never_crash_the_check(data: st.DataObject) -> None:
+    """Cut, doubled and overwritten bytes: findings, never an exception (2.7, 6.6)."""
+    program = bytearray((HEAD + 'POLY PO[X]=(10,1,.5)PO[Z]=(2,.3)F250\nG2 X20 CR=9\nMSG("A")\n' + TAIL).encode())
+    for _ in range(data.draw(st.integers(1, 8))):
+        at = data.draw(st.integers(0, len(program) - 1))
+        piece = data.draw(st.binary(max_size=3))
+        program[at : at + data.draw(st.integers(0, 3))] = piece
+        if not program:
+            program = bytearray(b"\n")
+    check = Check(Limits(PROFILE))
+    for number, raw in enumerate(bytes(program).splitlines(keepends=True), 1):
+        check.line(raw, number)
+    check.finish()
+    for finding in check.found.findings:
+        assert "\n" not in finding.sentence("x")
+
+
+def test_command_exits_3_on_errors_and_0_without(tmp_path: Path) -> None:
+    """(6.10, interface 6)"""
+    good, bad = tmp_path / "good.mpf", tmp_path / "bad.mpf"
+    good.write_text(HEAD + "G1 X10 F250\n" + TAIL)
+    bad.write_text(HEAD + "G1 X10 Q5 F250\n" + TAIL)
+    assert CliRunner().invoke(command, [str(good)], standalone_mode=False).return_value == 0
+    shown = CliRunner().invoke(command, [str(bad), "--json", "--job", str(THESIS)], standalone_mode=False)
+    assert shown.return_value == 3
+    assert json.loads(shown.stdout)["errors"] == 1
+
+
+@pytest.mark.parametrize("make", ["absent", "folder", "empty"])
+def test_bad_files_are_one_sentence(tmp_path: Path, make: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """(2.7)"""
+    path = tmp_path / "part.mpf"
+    if make == "folder":
+        path.mkdir()
+    elif make == "empty":
+        path.write_bytes(b"")
+    assert run_with(["check", str(path)]) == 3
+    assert capsys.readouterr().err.count("\n") == 1
