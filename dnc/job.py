@@ -21,7 +21,7 @@ from dnc.events import JobState
 from dnc.handshake import Cause
 from dnc.journal import Journal
 from dnc.names import JobNames
-from dnc.pacing import ByteClock, Pace, bits_per_byte, default_inflight_bytes
+from dnc.pacing import ByteClock, Pace, bits_per_byte, default_inflight_bytes, default_slack
 from dnc.places import runtime_folder, state_folder
 from dnc.port import Flow, Port
 from dnc.priority import on_time
@@ -34,7 +34,6 @@ from dnc.stream import Command, Stream
 from dnc.tape import Tape
 
 _LAG_S = 150e-6
-_SLACK = 0.005
 _AHEAD_S = 6.0
 _AHEAD_MIN_BYTES = 4096
 SIGTERM_EXIT = 143
@@ -55,7 +54,7 @@ def pace_of(link: Link) -> Pace:
     """The measure of this line."""
     inflight = link.inflight_max_bytes or default_inflight_bytes(link.baud, link.format)
     byte_s = bits_per_byte(link.format) / link.baud
-    return Pace(byte_s, inflight, _LAG_S, _SLACK, link.char_delay_s, link.line_delay_s)
+    return Pace(byte_s, inflight, _LAG_S, default_slack(link.baud), link.char_delay_s, link.line_delay_s)
 
 
 def rules_of(link: Link) -> Rules:
@@ -146,6 +145,7 @@ class Job:
             bound_assured=self.port.is_bound_assured and self.port.flow is Flow.BYTES,
             realtime=self._is_realtime,
             hold_up_s_max=round(self.stream.hold_ups.worst_s, 6),
+            hold_ups=[[round(ended_s, 6), round(lasted_s, 6)] for ended_s, lasted_s in self.stream.hold_ups.recent],
             exit_code=code,
         )
         with contextlib.suppress(OSError):

@@ -98,6 +98,7 @@ def send_report(
         "inflight_at_xoff_bytes_max": tally.inflight_at_xoff_bytes_max,
         "inflight_max_bytes": sender.clock.pace.inflight_max_bytes,
         "utilisation": round(tally.utilisation(now_s), 6),
+        "utilisation_median": tally.utilisation_median(),
         "masked_xoff_count": tally.masked_xoff_count,
         "unasked_xon_count": tally.unasked_xon_count,
         "noise_bytes": tally.noise_bytes,

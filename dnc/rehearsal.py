@@ -23,7 +23,7 @@ def rehearsal_mill(machine: str, speed: float) -> Iterator[tuple[str, int]]:
     child = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, start_new_session=True)
     try:
         ready = _first_line(child)
-        yield str(ready["pty"]), round(float(ready.get("line_baud", ready.get("baud", 0))))
+        yield str(ready["pty"]), round(float(ready["effective_baud"]))
     finally:
         _end(child)
 
@@ -34,7 +34,7 @@ def _first_line(child: subprocess.Popen[bytes]) -> dict[str, Any]:
     line = child.stdout.readline() if readable else b""
     try:
         ready = json.loads(line)
-        return {"pty": ready["pty"], **ready}
+        return {"pty": ready["pty"], "effective_baud": ready["effective_baud"]}
     except (ValueError, KeyError, TypeError):
         raise PortUnavailable("the virtual mill did not start; run dnc mill to see why") from None
 

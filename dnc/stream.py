@@ -24,8 +24,8 @@ from dnc.sender import Sender
 
 _HOUSEKEEPING_S = 1.0
 _LEAVE_S = 2.0
-_HOLD_UP_S = 0.0002
-_HOLD_UPS_KEPT = 8192
+_HOLD_UP_S = 0.0005
+_HOLD_UPS_KEPT = 2000
 _STUCK_S = 0.05
 _DRAIN_S = 2.0
 _FLOW_POLL_S = 0.002

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
+from statistics import median
 
 from dnc.events import JobState
+
+_RUN_BYTES = 50
+_RUNS_KEPT = 4096
 
 
 @dataclass(slots=True)
@@ -26,6 +31,8 @@ class Tally:
     _held_since_s: float | None = None
     _active_since_s: float | None = None
     _active_until_s: float = 0.0
+    _run_from_bytes: int = 0
+    _runs: deque[float] = field(default_factory=lambda: deque(maxlen=_RUNS_KEPT))
 
     def sent(self, count_bytes: int, now_s: float) -> None:
         """These bytes left now."""
@@ -50,9 +57,14 @@ class Tally:
         """The job changed state; the line counts as in use from SENDING until its last byte has gone."""
         if new is JobState.SENDING:
             self._active_since_s = max(now_s, self._active_until_s)
+            self._run_from_bytes = self.bytes_sent
         elif self._active_since_s is not None:
             self._active_until_s = max(now_s, idle_at_s)
-            self.active_s += max(0.0, self._active_until_s - self._active_since_s)
+            run_s = max(0.0, self._active_until_s - self._active_since_s)
+            run_bytes = self.bytes_sent - self._run_from_bytes
+            if run_bytes >= _RUN_BYTES and run_s > 0:
+                self._runs.append(run_bytes * self.byte_s / run_s)
+            self.active_s += run_s
             self._active_since_s = None
         self.last_s = now_s
 
@@ -64,3 +76,7 @@ class Tally:
         """Bytes over what the line could have carried in the time not held and not paused."""
         active_s = self.active_s + (0.0 if self._active_since_s is None else max(0.0, now_s - self._active_since_s))
         return min(1.0, self.bytes_sent * self.byte_s / active_s) if active_s > 0 else 0.0
+
+    def utilisation_median(self) -> float | None:
+        """The middle one of the runs between two holds; None without a run of at least 50 bytes."""
+        return min(1.0, median(self._runs)) if self._runs else None
