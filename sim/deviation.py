@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.access import accessible
 from sim.grid import Net, net_of
 from sim.interpreter.canon import Motion
 from sim.nominal import Nominal
@@ -30,11 +31,15 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class PatchMap:
-    """Deviation over one patch: what the probes of its net found; `motions` (k,) is the motion of every piece."""
+    """Deviation over one patch: what the probes of its net found; `motions` (k,) is the motion of every piece.
+
+    `is_accessible` (n, m) says which probes a ball can touch without cutting the design elsewhere.
+    """
 
     net: Net
     found: Heights
     motions: Ints
+    is_accessible: Flags
 
     @property
     def height_mm(self) -> Floats:
@@ -73,6 +78,7 @@ class Verdict:
     scallops: tuple[Place, ...]
     gouges: tuple[Place, ...]
     coverage: float
+    inaccessible: float
     reach_mm: float
     probe_pitch_mm: float
 
@@ -99,6 +105,7 @@ class Verdict:
                 "p95": _quantile(heights, areas, 0.95) if len(heights) else None,
             },
             "coverage": self.coverage,
+            "inaccessible": self.inaccessible,
             "probe_pitch_mm": self.probe_pitch_mm,
             "probes": sum(each.height_mm.size for each in self.maps),
             "reach_mm": self.reach_mm,
@@ -127,28 +134,42 @@ def judge(
     sweep = sweep_of(motions, lift_mm, sag_mm=radius_mm / 800, length_mm=radius_mm / 3, fit_mm=1e-7)
     probes = probes_of(sweep, tool, reach_mm=reach_mm)
     nets = [net_of(patch, probe_pitch_mm) for patch in nominal.patches]
-    maps = tuple(_map(net, probes) for net in nets)
+    free = accessible(nets, tool.corner_mm, 1e-6)
+    maps = tuple(_map(net, probes, is_free) for net, is_free in zip(nets, free, strict=True))
     scallops = [place for index in range(len(maps)) for place in _scallops(index, maps[index], probes, motions)]
     gouges = [place for index in range(len(maps)) for place in _gouges(index, maps[index], probes, motions)]
     whole = sum(float(each.net.area_mm2.sum()) for each in maps)
-    covered = sum(float(each.net.area_mm2[each.is_covered].sum()) for each in maps)
+    open_area = sum(float(each.net.area_mm2[each.is_accessible].sum()) for each in maps)
+    covered = sum(float(each.net.area_mm2[each.is_accessible & each.is_covered].sum()) for each in maps)
     return Verdict(
-        maps, _apart(scallops, radius_mm / 4), _apart(gouges, radius_mm / 4), covered / whole, reach_mm, probe_pitch_mm
+        maps=maps,
+        scallops=_apart(scallops, radius_mm / 4),
+        gouges=_apart(gouges, radius_mm / 4),
+        coverage=covered / open_area if open_area > 0 else 0.0,
+        inaccessible=1.0 - open_area / whole,
+        reach_mm=reach_mm,
+        probe_pitch_mm=probe_pitch_mm,
     )
 
 
-def _map(net: Net, probes: Probes) -> PatchMap:
-    return PatchMap(net, probes.measure(net.points.reshape(-1, 3), net.normals.reshape(-1, 3)), probes.sweep.motion)
+def _map(net: Net, probes: Probes, is_accessible: Flags) -> PatchMap:
+    found = probes.measure(net.points.reshape(-1, 3), net.normals.reshape(-1, 3))
+    return PatchMap(net, found, probes.sweep.motion, is_accessible)
 
 
 def _scallops(index: int, mapped: PatchMap, probes: Probes, motions: Sequence[Motion]) -> list[Place]:
     """Summits of material left on one patch, followed to their exact place."""
     refiner, pitch_mm = Refiner(mapped.net.patch, probes, 1.0), mapped.net.pitch_mm
-    seeds = cusp_seeds(mapped.net, mapped.found, probes, mapped.is_covered, 2000)
+    seeds = cusp_seeds(mapped.net, mapped.found, probes, mapped.is_accessible, 2000)
     first = refiner.crossed(seeds.uv, pitch_mm)
     order = np.argsort(-np.where(np.isfinite(first.found.height_mm), first.found.height_mm, -np.inf))
     best = refiner.climbed(first.uv[order[:200]], step_mm=1.5 * pitch_mm, stop_mm=pitch_mm / 100, trials=40)
-    return _places(index, best, probes, motions, 1.0)
+    i, j = mapped.net.nearest(best.uv)
+    return [
+        place
+        for place, is_open in zip(_places(index, best, probes, motions), mapped.is_accessible[i, j], strict=True)
+        if is_open and 0 < place.deviation_mm < probes.reach_mm
+    ]
 
 
 def _gouges(index: int, mapped: PatchMap, probes: Probes, motions: Sequence[Motion]) -> list[Place]:
@@ -156,20 +177,19 @@ def _gouges(index: int, mapped: PatchMap, probes: Probes, motions: Sequence[Moti
     refiner, pitch_mm = Refiner(mapped.net.patch, probes, -1.0), mapped.net.pitch_mm
     seeds = pit_seeds(mapped.net, mapped.found, probes, 200)
     best = refiner.climbed(seeds.uv, step_mm=pitch_mm, stop_mm=pitch_mm / 100, trials=40)
-    return _places(index, best, probes, motions, -1.0)
+    return [place for place in _places(index, best, probes, motions) if place.deviation_mm < 0]
 
 
-def _places(index: int, extremes: Extremes, probes: Probes, motions: Sequence[Motion], sign: float) -> list[Place]:
-    """The extremes of this sign that the cutter reached, highest first."""
-    heights = extremes.found.height_mm
+def _places(index: int, extremes: Extremes, probes: Probes, motions: Sequence[Motion]) -> list[Place]:
+    """The extremes as places; one that the cutter did not reach has deviation inf and line 0."""
     places = []
-    for k in np.argsort(-sign * heights):
-        if not np.isfinite(heights[k]) or sign * heights[k] <= 0:
-            continue
-        motion = motions[probes.sweep.motion[extremes.found.piece[k]]]
+    for k, height in enumerate(extremes.found.height_mm):
+        piece = extremes.found.piece[k]
+        motion = motions[probes.sweep.motion[piece]] if piece >= 0 else None
         x, y, z = (float(value) for value in extremes.points[k])
         u, v = (float(value) for value in extremes.uv[k])
-        places.append(Place(float(heights[k]), (x, y, z), index, (u, v), motion.line, motion.block))
+        line, block = (motion.line, motion.block) if motion is not None else (0, None)
+        places.append(Place(float(height), (x, y, z), index, (u, v), line, block))
     return places
 
 

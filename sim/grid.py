@@ -24,6 +24,14 @@ class Net:
     normals: Floats
     area_mm2: Floats
 
+    def nearest(self, uv: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Row and column of the node nearest to each of the parameters (n, 2)."""
+        rows, columns = (
+            np.searchsorted((nodes[1:] + nodes[:-1]) / 2, values)
+            for nodes, values in ((self.u, uv[:, 0]), (self.v, uv[:, 1]))
+        )
+        return rows, columns
+
 
 def net_of(patch: NominalPatch, pitch_mm: float) -> Net:
     """The net of a patch: nodes so dense that no step along u or v is longer than `pitch_mm`, borders included."""

@@ -10,6 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from sim.errors import InputRejected
+from sim.nominal import CutterData
+
 
 class Tool(Protocol):
     """What the verdict asks of a cutter: `corner_mm` is the radius of its edge, `flat_mm` of the disc it surrounds."""
@@ -40,3 +43,10 @@ class BallTool:
     def flat_mm(self) -> float:
         """A ball has no flat end."""
         return 0.0
+
+
+def tool_of(cutter: CutterData) -> Tool:
+    """The cutter of a job; raises InputRejected for a kind that cannot be measured yet."""
+    if cutter.kind != "ball":
+        raise InputRejected(f"a {cutter.kind} cutter is not measured yet", remedy="measure with a ball-end mill")
+    return BallTool(cutter.radius_mm)

@@ -1,0 +1,171 @@
+"""`dnc simulate`: run a program on the virtual mill without a line, cut the part and measure it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from sim.deviation import Verdict
+    from sim.mill import Recording
+    from sim.nominal import Nominal
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command(epilog="Example: dnc simulate part.mpf --job job.toml --report cut.json --plot cut.png")
+@click.argument("program", type=_PATH)
+@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
+@click.option("--job", type=_PATH, help="job file: design surface and tool; without it nothing is measured")
+@click.option("--pitch", type=click.FloatRange(min=0, min_open=True), help="probe pitch in mm; R/40 unless given")
+@click.option("--motion", type=_PATH, help="write the motion log (CSV, tool tip)")
+@click.option("--report", type=_PATH, help="write the report (JSON)")
+@click.option("--plot", type=_PATH, help="draw the deviation map (PNG)")
+@click.option("--json", "as_json", is_flag=True, help="print the report to stdout")
+def command(
+    program: Path,
+    machine: str,
+    job: Path | None,
+    pitch: float | None,
+    motion: Path | None,
+    report: Path | None,
+    plot: Path | None,
+    as_json: bool,
+) -> int:
+    """Interpret, time, cut and measure PROGRAM; no line is used and no machine moves."""
+    import json
+
+    from dnc.errors import ExitCode, InputRejected
+    from dnc.profile import profile_path
+    from sim.mill import rehearse
+    from sim.nominal import load_nominal
+    from sim.profile import load_mill_profile
+
+    if plot is not None and job is None:
+        raise InputRejected("--plot needs the design surface", remedy="name the job file with --job")
+    nominal = load_nominal(job) if job is not None else None
+    data = _bytes_of(program)
+    recording = rehearse(data, load_mill_profile(profile_path(machine)))
+    verdict = _verdict(nominal, recording, pitch) if nominal is not None else None
+    made = _report(program, data, machine, recording, verdict)
+    if motion is not None:
+        _write(motion, _motion_csv(recording, nominal))
+    if report is not None:
+        _write(report, json.dumps(made, indent=1) + "\n")
+    if plot is not None and verdict is not None:
+        from sim.plot import plot_deviation
+
+        plot_deviation(verdict, plot)
+    click.echo(json.dumps(made, indent=1) if as_json else _text(made))
+    return int(ExitCode.CONTROL if recording.alarms else ExitCode.OK)
+
+
+def _bytes_of(program: Path) -> bytes:
+    from dnc.errors import InputRejected
+
+    if not program.is_file():
+        what = "is a directory" if program.is_dir() else "is not a regular file" if program.exists() else "is not there"
+        raise InputRejected(what, path=program, remedy="name a program file")
+    try:
+        return program.read_bytes()
+    except OSError as problem:
+        raise InputRejected(f"cannot be read: {problem.strerror}", path=program, remedy="check the rights") from None
+
+
+def _verdict(nominal: Nominal, recording: Recording, pitch_mm: float | None) -> Verdict:
+    from sim.deviation import judge
+    from sim.tool import tool_of
+
+    return judge(
+        nominal,
+        tool_of(nominal.cutter),
+        recording.travelled,
+        reference=nominal.reference,
+        probe_pitch_mm=nominal.cutter.radius_mm / 40 if pitch_mm is None else pitch_mm,
+    )
+
+
+def _report(program: Path, data: bytes, machine: str, recording: Recording, verdict: Verdict | None) -> dict[str, Any]:
+    import hashlib
+
+    from sim.peaks import peaks
+
+    samples = recording.samples
+    acceleration, jerk = peaks(samples.t_s, samples.position_mm)
+    measured = verdict.report() if verdict is not None else {}
+    return {
+        "schema": "dripmill.simulate",
+        "version": 1,
+        "simulated": True,
+        "program": program.name,
+        "sha256": hashlib.sha256(data).hexdigest(),
+        "machine": machine,
+        "is_completed": recording.is_completed,
+        "alarms": [
+            {"number": alarm.number, "line": alarm.line, "block": alarm.block, "text": alarm.text}
+            for alarm in recording.alarms
+        ],
+        "machining_time_s": recording.machining_time_s,
+        "starved_s": sum(interval.duration_s for interval in recording.starved),
+        "blocks": recording.blocks,
+        "peak_acceleration_mm_s2": acceleration,
+        "peak_jerk_mm_s3": jerk,
+        **measured,
+    }
+
+
+def _motion_csv(recording: Recording, nominal: Nominal | None) -> str:
+    """The motion log of the tool tip; where the program drives the ball's centre the tip is one radius lower."""
+    is_centre = nominal is not None and nominal.reference == "centre"
+    drop_mm = nominal.cutter.corner_mm if nominal is not None and is_centre else 0.0
+    samples = recording.samples
+    rows = zip(
+        samples.t_s.tolist(),
+        samples.position_mm.tolist(),
+        samples.feed_mm_min.tolist(),
+        samples.line.tolist(),
+        samples.block.tolist(),
+        strict=True,
+    )
+    lines = [
+        f"{t:.4f},{x:.6f},{y:.6f},{z - drop_mm:.6f},{feed:.3f},{line},{block if block >= 0 else ''}"
+        for t, (x, y, z), feed, line, block in rows
+    ]
+    return "\n".join(["t_s,x_mm,y_mm,z_mm,feed_mm_min,line,block", *lines]) + "\n"
+
+
+def _write(path: Path, text: str) -> None:
+    from dnc.errors import InputRejected
+
+    unfinished = path.with_name(path.name + ".tmp")
+    try:
+        unfinished.write_text(text)
+        unfinished.replace(path)
+    except OSError as problem:
+        raise InputRejected(f"cannot be written: {problem.strerror}", path=path, remedy="name another file") from None
+
+
+def _text(made: dict[str, Any]) -> str:
+    """The report for a person, one figure a line."""
+    minutes, seconds = divmod(made["machining_time_s"], 60.0)
+    lines = [
+        f"SIMULATED  {made['program']}: {made['blocks']} blocks, {int(minutes)} min {seconds:.1f} s",
+        *(f"ALARM {alarm['number']} line {alarm['line']}: {alarm['text']}" for alarm in made["alarms"]),
+    ]
+    if "scallop_mm" in made:
+        lines += [
+            f"scallop    {made['scallop_mm'] * 1000:9.3f} um{_where(made['worst_scallops'])}",
+            f"gouge      {made['gouge_mm'] * 1000:9.3f} um{_where(made['worst_gouges'])}",
+            f"coverage   {made['coverage'] * 100:9.3f} %  of the surface, {made['probes']} probes",
+        ]
+    return "\n".join(lines)
+
+
+def _where(places: list[dict[str, Any]]) -> str:
+    if not places:
+        return ""
+    x, y, z = places[0]["position_mm"]
+    block = "" if places[0]["block"] is None else f", N{places[0]['block']}"
+    return f"  at X{x:.3f} Y{y:.3f} Z{z:.3f}, line {places[0]['line']}{block}"

@@ -1,0 +1,102 @@
+"""Accessibility: probes that no ball can touch without cutting the design elsewhere.
+
+A ball that touches a point from outside has its centre one radius along the normal. It may stay there if no other
+point of the design lies inside the ball or beside the shank above it, and if the design bends toward the tool less
+sharply than the ball.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
+from scipy.spatial import cKDTree
+
+from sim.grid import Net, net_of
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+def accessible(nets: Sequence[Net], radius_mm: float, depth_mm: float) -> list[Flags]:
+    """For every net, (n, m): whether a ball of this radius can touch the probe, to within `depth_mm` of interference.
+
+    A coarse net (an eighth of the radius) finds the neighbourhoods where something may be in the way; only there every
+    probe is tried against all others.
+    """
+    coarse = [net_of(net.patch, max(net.pitch_mm, radius_mm / 8)) for net in nets]
+    rough = np.concatenate([net.points.reshape(-1, 3) for net in coarse])
+    normals = np.concatenate([net.normals.reshape(-1, 3) for net in coarse])
+    bends = np.concatenate([_bends(net) for net in coarse])
+    is_suspect = (bends > 0.5 / radius_mm) | ~_is_free(rough, normals, rough, rough, radius_mm, depth_mm)
+    suspects = rough[is_suspect & np.isfinite(rough).all(axis=1)]
+    everything = np.concatenate([net.points.reshape(-1, 3) for net in nets])
+    return [_of_net(net, suspects, everything, rough, radius_mm, depth_mm) for net in nets]
+
+
+def _of_net(net: Net, suspects: Floats, everything: Floats, rough: Floats, radius_mm: float, depth_mm: float) -> Flags:
+    points, normals = net.points.reshape(-1, 3), net.normals.reshape(-1, 3)
+    is_free = np.isfinite(normals).all(axis=1) & (normals[:, 2] > 0)
+    if len(suspects):
+        known = np.flatnonzero(is_free)
+        distance, _ = cKDTree(suspects).query(points[known], distance_upper_bound=2 * radius_mm, workers=-1)
+        near = known[np.isfinite(distance)]
+        is_free[near] = _is_free(points[near], normals[near], everything, rough, radius_mm, depth_mm)
+        is_free[near] &= net.patch.concave_curvature(_parameters(net)[near]) <= 1.0 / radius_mm
+    return np.asarray(is_free.reshape(net.area_mm2.shape))
+
+
+def _bends(net: Net) -> Floats:
+    return net.patch.concave_curvature(_parameters(net))
+
+
+def _parameters(net: Net) -> Floats:
+    return np.stack(np.meshgrid(net.u, net.v, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _is_free(
+    points: Floats, normals: Floats, design: Floats, rough: Floats, radius_mm: float, depth_mm: float
+) -> Flags:
+    """Whether the ball that touches each point keeps clear of the design's points, and the shank of the rough ones."""
+    is_free = np.array(np.isfinite(normals).all(axis=1))
+    design = design[np.isfinite(design).all(axis=1)]
+    centres = points[is_free] + radius_mm * normals[is_free]
+    distance, _ = cKDTree(design).query(centres, distance_upper_bound=radius_mm - depth_mm, workers=-1)
+    is_clear = np.array(np.isinf(distance))
+    rough = rough[np.isfinite(rough).all(axis=1)]
+    low = np.flatnonzero(centres[:, 2] < rough[:, 2].max())
+    if len(low):
+        is_clear[low] &= _is_beside(centres[low], rough, radius_mm - depth_mm)
+    result = is_free.copy()
+    result[is_free] = is_clear
+    return result
+
+
+def _is_beside(centres: Floats, design: Floats, radius_mm: float) -> Flags:
+    """Whether no point of the design higher than the centre stands within the shank's radius in plan.
+
+    The highest point of every square of the plan settles most centres; the others look at the points themselves.
+    """
+    cell_mm = radius_mm / 8
+    corner = design[:, :2].min(axis=0) - 10 * cell_mm
+    at = ((design[:, :2] - corner) / cell_mm).astype(np.int64)
+    tops = np.full(tuple(at.max(axis=0) + 11), -np.inf)
+    np.maximum.at(tops, (at[:, 0], at[:, 1]), design[:, 2])
+    i, j = (np.abs(steps) for steps in np.ogrid[-9:10, -9:10])
+    place = np.clip(((centres[:, :2] - corner) / cell_mm).astype(np.int64), 0, np.array(tops.shape) - 1)
+    outer, inner = (
+        maximum_filter(tops, footprint=disc, mode="constant", cval=-np.inf)[place[:, 0], place[:, 1]]
+        for disc in (np.hypot(i - 1, j - 1) <= 8, np.hypot(i + 1, j + 1) <= 8)
+    )
+    is_clear = outer <= centres[:, 2]
+    open_cases = np.flatnonzero(~is_clear & (inner <= centres[:, 2]))
+    if len(open_cases):
+        asked = centres[open_cases]
+        high = design[design[:, 2] > asked[:, 2].min()]
+        lists = cKDTree(high[:, :2]).query_ball_point(asked[:, :2], radius_mm, workers=-1)
+        is_clear[open_cases] = [
+            not (high[found, 2] > centre[2]).any() for found, centre in zip(lists, asked, strict=True)
+        ]
+    return np.asarray(is_clear)

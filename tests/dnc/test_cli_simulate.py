@@ -1,0 +1,88 @@
+import csv
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from dnc.cli.main import run_with
+
+ROOT = Path(__file__).parents[2]
+JOB = ROOT / "configs/jobs/thesis.toml"
+SCHEMA = json.loads((ROOT / "docs/schemas/simulate.schema.json").read_text())
+PROGRAM = b"""\
+N10 G17 G90 G54 G71
+N20 T2 M6
+N30 G0 Z50
+N40 G0 X10 Y10
+N50 G1 Z3 F500
+N60 G1 X40 F250
+N70 G0 Z50
+N80 M30
+"""
+
+
+def simulate(tmp_path: Path, data: bytes, *options: str) -> tuple[int, dict[str, object]]:
+    program = tmp_path / "part.mpf"
+    program.write_bytes(data)
+    report = tmp_path / "report.json"
+    code = run_with(["simulate", str(program), "--report", str(report), *options])
+    return code, json.loads(report.read_text())
+
+
+def test_report_has_the_promised_keys(tmp_path: Path) -> None:
+    """(1.5) The report of a cut part follows its schema; one pass covers only a strip."""
+    code, report = simulate(tmp_path, PROGRAM, "--job", str(JOB), "--pitch", "0.5")
+    jsonschema.validate(report, SCHEMA)
+    assert code == 0
+    assert report["is_completed"]
+    assert report["blocks"] == 8
+    assert 0.0 < report["coverage"] < 0.2
+
+
+def test_without_a_job_nothing_is_measured(tmp_path: Path) -> None:
+    """(1.5) Time is measured, the surface is not invented."""
+    code, report = simulate(tmp_path, PROGRAM)
+    jsonschema.validate(report, SCHEMA)
+    assert code == 0
+    assert "scallop_mm" not in report
+    assert report["machining_time_s"] > 30 / 250 * 60
+
+
+def test_an_alarm_is_told_and_exits_6(tmp_path: Path) -> None:
+    """(interface, section 6) A block the control refuses: its line in the report, exit code 6."""
+    code, report = simulate(tmp_path, PROGRAM.replace(b"G1 X40", b"G777 X40"))
+    jsonschema.validate(report, SCHEMA)
+    assert code == 6
+    assert report["alarms"][0]["line"] == 6
+    assert not report["is_completed"]
+
+
+def test_motion_log_and_picture(tmp_path: Path) -> None:
+    """(1.6) The log has the tool tip in the named columns; the picture is a PNG."""
+    motion, plot = tmp_path / "motion.csv", tmp_path / "map.png"
+    simulate(tmp_path, PROGRAM, "--job", str(JOB), "--pitch", "0.5", "--motion", str(motion), "--plot", str(plot))
+    with motion.open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["t_s", "x_mm", "y_mm", "z_mm", "feed_mm_min", "line", "block"]
+    cutting = [row for row in rows if row["line"] == "6"]
+    assert float(cutting[-1]["x_mm"]) == pytest.approx(40.0, abs=0.5)
+    assert {row["z_mm"] for row in cutting} == {"3.000000"}
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(("name", "words"), [("absent.mpf", "is not there"), (".", "is a directory")])
+def test_a_program_that_cannot_be_read_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, words: str
+) -> None:
+    """(2.7) Exit 3 and one sentence, nothing written."""
+    report = tmp_path / "report.json"
+    assert run_with(["simulate", str(tmp_path / name), "--report", str(report)]) == 3
+    assert words in capsys.readouterr().err
+    assert not report.exists()
+
+
+def test_a_picture_needs_the_design(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """(2.7) --plot without --job is refused before anything is simulated."""
+    assert run_with(["simulate", str(tmp_path / "part.mpf"), "--plot", "map.png"]) == 3
+    assert "--job" in capsys.readouterr().err
