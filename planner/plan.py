@@ -90,7 +90,7 @@ def plan_job(
         from planner.rivals import compare_rivals
 
         report["rivals"] = compare_rivals(job, operation, layout, control)
-    warnings = (*written.warnings, *_warnings(operation, control, report, line))
+    warnings = (*written.warnings, *_warnings(operation, report, line))
     return Planned(written.data, written.sidecar, tool_path, report, warnings, job, layout)
 
 
@@ -141,15 +141,9 @@ def _wishes(job: Job, operation: Operation, path: Path) -> Wishes:
     return Wishes(radius_mm, angle_rad, scallop_mm, operation.pick_feed_mm, operation.stock_to_leave_mm)
 
 
-def _warnings(
-    operation: Operation, control: ControlLimits, report: dict[str, Any], line: tuple[int, float]
-) -> list[str]:
+def _warnings(operation: Operation, report: dict[str, Any], line: tuple[int, float]) -> list[str]:
+    """Where the line cannot keep up with the feed."""
     found = []
-    if control.resolution_mm >= operation.path_mm:
-        found.append(
-            f"the control resolves {control.resolution_mm:g} mm, path_mm is {operation.path_mm:g}: "
-            "what it cuts may be off by its resolution"
-        )
     limits = report["feed_limit_mm_min"].get(str(line[0]), {})
     for override, limit in limits.items():
         if limit is not None and limit < operation.cut_mm_min:

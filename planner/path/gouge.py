@@ -8,35 +8,35 @@ from __future__ import annotations
 import numpy as np
 
 from planner.errors import InputRejected
-from planner.surface.curvature import least_curvature, lowest, regularity, upwardness
-from planner.surface.patch import NurbsPatch
+from planner.surface.curvature import Survey, least_curvature, lowest, regularity, upwardness
 
 
-def tool_side(patch: NurbsPatch, *, steepest_deg: float = 85.0) -> int:
+def tool_side(survey: Survey, *, steepest_deg: float = 85.0, least_area: float = 1e-6) -> int:
     """+1 if Qu x Qv points up over the whole patch, -1 if down.
 
-    Raises InputRejected where the patch is singular or steeper than `steepest_deg`, where a ball held along +Z cannot
-    follow it.
+    Raises InputRejected where the patch is singular (a parameter cell shrinks to `least_area` of the mean one) or
+    steeper than `steepest_deg`, where a ball held along +Z cannot follow it.
     """
-    least, u, v = lowest(patch, lambda u, v: regularity(patch, u, v), a_span=5, rounds=3)
-    if not least > 1e-6:
-        what = f"{patch.name} is singular at (u, v) = ({u:.4g}, {v:.4g})"
+    name = survey.patch.name
+    mean_area = float(np.mean(regularity(survey.points)))
+    least = lowest(survey, regularity, rounds=3)
+    if not least.value > least_area * mean_area:
+        what = f"{name} is singular at {least.place}"
         raise InputRejected(what, remedy="move the control points apart or trim the patch before that place")
-    (u_low, u_high), (v_low, v_high) = patch.domain
-    middle = np.array([(u_low + u_high) / 2]), np.array([(v_low + v_high) / 2])
-    side = 1 if upwardness(patch, *middle)[0] >= 0 else -1
-    facing, u, v = lowest(patch, lambda u, v: side * upwardness(patch, u, v), a_span=5, rounds=3)
-    if facing < np.cos(np.radians(steepest_deg)):
-        angle_deg = np.degrees(np.arccos(np.clip(facing, -1.0, 1.0)))
-        what = f"{patch.name} is {angle_deg:.1f} degrees steep at (u, v) = ({u:.4g}, {v:.4g})"
+    side = 1 if float(np.mean(upwardness(survey.points))) >= 0 else -1
+    steepest = lowest(survey, lambda points: side * upwardness(points), rounds=3)
+    if steepest.value < np.cos(np.radians(steepest_deg)):
+        angle_deg = float(np.degrees(np.arccos(np.clip(steepest.value, -1.0, 1.0))))
+        what = f"{name} is {angle_deg:.1f} degrees steep at {steepest.place}"
         raise InputRejected(what, remedy=f"turn the part so that it stays below {steepest_deg:g} degrees")
     return side
 
 
-def check_radius(patch: NurbsPatch, side: int, radius_mm: float) -> None:
+def check_radius(survey: Survey, side: int, radius_mm: float) -> None:
     """Raises InputRejected where the patch is concave with a radius at or below the ball's: the ball would gouge."""
-    least, u, v = lowest(patch, lambda u, v: least_curvature(patch, side, u, v), a_span=5, rounds=4)
-    if least * radius_mm <= -1.0:
-        what = f"{patch.name} has a concave radius of {-1 / least:.3f} mm at (u, v) = ({u:.4g}, {v:.4g})"
-        remedy = f"the ball's is {radius_mm:g} mm: use a tool of less than {-2 / least:.3f} mm diameter"
+    tightest = lowest(survey, lambda points: least_curvature(points, side), rounds=4)
+    if tightest.value * radius_mm <= -1.0:
+        concave_mm = -1 / tightest.value
+        what = f"{survey.patch.name} has a concave radius of {concave_mm:.3f} mm at {tightest.place}"
+        remedy = f"the ball's is {radius_mm:g} mm: use a tool of less than {2 * concave_mm:.3f} mm diameter"
         raise InputRejected(what, remedy=remedy)

@@ -16,6 +16,7 @@ from planner.path.peaks import Ground, Peaks, lay_ground, survey
 from planner.path.pick_feed import ChainEnd, even_planes, local_pick_feed, solve_pick_feeds
 from planner.path.seeds import sow
 from planner.path.trace import TracedCurve, trace
+from planner.surface.curvature import survey as survey_patch
 from planner.surface.patch import NurbsPatch
 
 Array = NDArray[np.float64]
@@ -60,8 +61,9 @@ def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float) -> La
 
 def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
     """The patch turned into the frame of the passes, checked, offset, seeded, its border sampled."""
-    side = tool_side(patch)
-    check_radius(patch, side, wishes.radius_mm + wishes.stock_mm)
+    seen = survey_patch(patch)
+    side = tool_side(seen)
+    check_radius(seen, side, wishes.radius_mm + wishes.stock_mm)
     surface = OffsetSurface(patch.turned(wishes.angle_rad), wishes.radius_mm, side, wishes.stock_mm)
     spans = len(patch.basis_u.starts) * len(patch.basis_v.starts)
     seeds = sow(surface, reach_mm=2 * wishes.radius_mm, a_span=2 if spans > 400 else 4 if spans > 25 else 16)
