@@ -53,9 +53,7 @@ def _work(wire: Wire, setup: Setup) -> None:
         wire.send(Ready(f"{modbus.host}:{modbus.port}"))
         gc.collect()
         gc.freeze()
-        begun_wall_s = _wait_for_start(wire)
-        if begun_wall_s is not None:
-            _live(wire, mill, modbus, MachineClock(setup.speed, begun_wall_s))
+        _live(wire, mill, modbus, setup.speed)
     finally:
         modbus.stop()
         if log is not None:
@@ -77,33 +75,29 @@ def _serve_modbus(setup: Setup) -> ModbusEnd:
     return modbus
 
 
-def _wait_for_start(wire: Wire) -> float | None:
-    """When machine time begins; None if the parent has gone."""
-    while not wire.is_closed:
-        select.select([wire], [], [])
-        for message in wire.receive():
-            if isinstance(message, Start):
-                return message.begun_wall_s
-    return None
-
-
-def _live(wire: Wire, mill: LiveMill, modbus: ModbusEnd, clock: MachineClock) -> None:
+def _live(wire: Wire, mill: LiveMill, modbus: ModbusEnd, speed: float) -> None:
     """Until the parent says that it is over; the panel is shown every 100 ms."""
-    show_s = 0.0
-    while True:
+    clock: MachineClock | None = None
+    show_s, is_over = 0.0, False
+    while not is_over:
         select.select([wire], [wire] if wire.has_unsent else [], [], TICK_WALL_S)
-        messages = wire.receive()
+        for message in wire.receive():
+            match message:
+                case Start(begun_wall_s):
+                    clock = MachineClock(speed, begun_wall_s)
+                case Heard():
+                    mill.hear(message)
+                case Finish():
+                    is_over = True
+                case _:
+                    pass
         wire.flush()
-        for message in messages:
-            if isinstance(message, Heard):
-                mill.hear(message)
-        for order in mill.advance(clock.now_s()):
+        for order in mill.advance(clock.now_s()) if clock is not None else ():
             wire.send(order)
         if time.monotonic() >= show_s:
             modbus.show(mill.panel())
             show_s = max(show_s + PANEL_WALL_S, time.monotonic())
-        if wire.is_closed or any(isinstance(message, Finish) for message in messages):
-            return
+        is_over |= wire.is_closed
 
 
 def _report(mill: LiveMill, nominal: Nominal | None, probe_pitch_mm: float) -> dict[str, Any]:

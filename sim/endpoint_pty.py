@@ -83,6 +83,7 @@ class LineProcess:
         self._sha256 = hashlib.sha256()
         self._unsent = bytearray()
         self._forward_s = 0.0
+        self._told_overrun_bytes = 0
         self._last_byte_s = time.monotonic()
         self._cycle_s = 0.0
         self._cycles: list[tuple[float, int, float]] = []
@@ -186,8 +187,10 @@ class LineProcess:
         self._sha256.update(data)
         self._unsent += data
         now_s = time.monotonic()
-        if self._unsent and now_s >= self._forward_s:
-            receiver = self.uart.receiver
+        receiver = self.uart.receiver
+        is_news = bool(self._unsent) or receiver.overrun_bytes != self._told_overrun_bytes
+        if is_news and now_s >= self._forward_s:
+            self._told_overrun_bytes = receiver.overrun_bytes
             self.wire.send(Heard(bytes(self._unsent), receiver.received_bytes, receiver.overrun_bytes))
             self._unsent.clear()
             self._forward_s = now_s + self.patience.forward_s
