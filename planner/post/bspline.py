@@ -51,13 +51,14 @@ def bspline_passes(
     Knots are inserted until a pass has `min_blocks` blocks. Raises ValueError for splines that are not cubic.
     """
     curves = [_curve_of(one, drop_z_mm, min_blocks) for one in passes]
-    widest = min(fine + 1, most_decimals)
-    start = np.tile(np.array([widest, widest, _KNOT_DIGITS]), (len(curves), 1))
+    finest = min(fine + 1, most_decimals)
+    least = np.tile(np.array([min(fine, most_decimals), min(fine, most_decimals), _KNOT_DIGITS - 2]), (len(curves), 1))
+    most = np.tile(np.array([finest, finest, _KNOT_DIGITS]), (len(curves), 1))
 
     def bound_mm(digits: Digits) -> Array:
         return np.array([_bound_mm(curve, row, fine) for curve, row in zip(curves, digits, strict=True)])
 
-    digits, bounds = fewest_digits(start, np.array([1.0, 1.1, 0.9]), bound_mm, budget_mm)
+    digits, bounds = fewest_digits(least, most, np.array([1.0, 1.1, 0.9]), bound_mm, budget_mm)
     return [
         _pass_text(curve, row, fine, float(bound), knot_rule)
         for curve, row, bound in zip(curves, digits, bounds, strict=True)
@@ -91,7 +92,7 @@ def _curve_of(one: Pass, drop_z_mm: float, min_blocks: int) -> _Curve:
     spline = with_blocks(one.shape, min_blocks + 1)
     work = in_work(one.plane, bezier_points(spline), drop_z_mm)
     number = np.arange(len(work))
-    exact = SpanChain(power_form(work), knot_lengths(spline), number == 0, number == len(work) - 1)
+    exact = SpanChain.of(power_form(work), knot_lengths(spline), number == 0, number == len(work) - 1)
     return _Curve(spline, in_work(one.plane, spline.control_points, drop_z_mm), exact, is_constant(one.plane))
 
 

@@ -13,22 +13,14 @@ Digits = NDArray[np.int64]
 Bound = Callable[[Digits], Array]
 
 
-def fewest_digits(start: Digits, uses: Array, bound_mm: Bound, budget_mm: float) -> tuple[Digits, Array]:
+def fewest_digits(least: Digits, most: Digits, uses: Array, bound_mm: Bound, budget_mm: float) -> tuple[Digits, Array]:
     """Decimals (passes, classes) that no single class of any pass can lower further, and the bounds (passes,), mm.
 
-    `uses` (classes,) says how many numbers a pass has of each class. Two orders of giving up are tried, the frequent
-    classes first and last, and each pass keeps the shorter. `start` must hold the budget where it can be held at all;
-    passes that exceed it keep their start.
+    A pass starts at `least` and gets one digit more in every class until it holds the budget, up to `most`; what cannot
+    hold it stays there. Then the classes give up digits in turn, those that `uses` (classes,) says are frequent first.
     """
+    digits, bounds = _enough(least, most, bound_mm, budget_mm)
     order = np.argsort(-uses, kind="stable")
-    digits, bounds = _lowered(start, order, bound_mm, budget_mm)
-    other, other_bounds = _lowered(start, order[::-1], bound_mm, budget_mm)
-    is_shorter = other @ uses < digits @ uses
-    return np.where(is_shorter[:, None], other, digits), np.where(is_shorter, other_bounds, bounds)
-
-
-def _lowered(start: Digits, order: NDArray[np.intp], bound_mm: Bound, budget_mm: float) -> tuple[Digits, Array]:
-    digits, bounds = start.copy(), bound_mm(start)
     may_lower = np.ones_like(digits, dtype=bool)
     while may_lower.any():
         for column in order:
@@ -44,3 +36,13 @@ def _lowered(start: Digits, order: NDArray[np.intp], bound_mm: Bound, budget_mm:
             bounds = np.where(accepted, trial_bounds, bounds)
             may_lower[accepted, column] = True
     return digits, bounds
+
+
+def _enough(least: Digits, most: Digits, bound_mm: Bound, budget_mm: float) -> tuple[Digits, Array]:
+    digits = np.minimum(least, most)
+    while True:
+        bounds = bound_mm(digits)
+        lacks = (bounds > budget_mm) & (digits < most).any(axis=1)
+        if not lacks.any():
+            return digits, bounds
+        digits[lacks] = np.minimum(digits[lacks] + 1, most[lacks])

@@ -25,7 +25,7 @@ def linear_passes(
     """
     points = [in_work(one.plane, _shape(one).points, drop_z_mm) for one in passes]
     still = [is_constant(one.plane) for one in passes]
-    start = np.full((len(passes), 2), min(fine + 1, most_decimals))
+    least, most = (np.full((len(passes), 2), min(fine + margin, most_decimals)) for margin in (0, 1))
 
     def bound_mm(digits: Digits) -> Array:
         rounded = (
@@ -34,7 +34,7 @@ def linear_passes(
         )
         return np.array([polyline_bound_mm(exact, near) for exact, near in zip(points, rounded, strict=True)])
 
-    digits, bounds = fewest_digits(start, np.array([1.0, 1.1]), bound_mm, budget_mm)
+    digits, bounds = fewest_digits(least, most, np.array([1.0, 1.1]), bound_mm, budget_mm)
     return [
         _pass_text(vertices, _decimals(len(vertices), of_pass, is_still, fine), fine, float(bound))
         for vertices, of_pass, is_still, bound in zip(points, digits, still, bounds, strict=True)

@@ -21,7 +21,7 @@ from planner.post.passtext import AXES, PassText, Point, is_constant
 from planner.post.rounding import SpanChain, path_bound_mm, poly_power
 from planner.post.spans import bezier_points, in_work, knot_lengths, power_form, raised_to_cubic
 
-_COEFFICIENT_MARGIN = 2
+_MOST_MARGIN = 2
 # columns of the search: end, square, cube of X and Y, then of Z
 _END, _SQUARE, _CUBE, _OF_Z = 0, 1, 2, 3
 
@@ -59,14 +59,14 @@ def poly_passes(
     """
     chain = _chain_of(passes, drop_z_mm)
     uses = np.tile(np.array([1.0, 1.0, 1.0]), 2) + np.array([0.0, 0.2, 0.1, 0.0, 0.2, 0.1])
-    start = np.full((len(passes), 6), min(fine + _COEFFICIENT_MARGIN, most_decimals))
+    least, most = (np.full((len(passes), 6), min(fine + margin, most_decimals)) for margin in (0, _MOST_MARGIN))
 
     def bound_mm(digits: Digits) -> Array:
         numbers = _numbers(chain, digits, fine)
         written = poly_power(numbers.start, numbers.end, numbers.square, numbers.cube)
         return np.maximum.reduceat(path_bound_mm(chain.exact, written), chain.starts)
 
-    digits, bounds = fewest_digits(start, uses, bound_mm, budget_mm)
+    digits, bounds = fewest_digits(least, most, uses, bound_mm, budget_mm)
     numbers = _numbers(chain, digits, fine)
     stops = [*chain.starts[1:].tolist(), len(chain.owner)]
     return [
@@ -90,7 +90,7 @@ def _chain_of(passes: Sequence[Pass], drop_z_mm: float) -> _Chain:
     is_first, is_last = np.zeros((2, len(work)), dtype=bool)
     is_first[starts] = True
     is_last[ends - 1] = True
-    exact = SpanChain(power_form(work), np.concatenate(lengths), is_first, is_last)
+    exact = SpanChain.of(power_form(work), np.concatenate(lengths), is_first, is_last)
     return _Chain(exact, work[:, 3], np.repeat(np.arange(len(passes)), counts), starts, np.concatenate(still))
 
 

@@ -34,6 +34,7 @@ def _bezier_of_pieces(degree: int) -> Array:
 _TO_BEZIER = {degree: _bezier_of_pieces(degree) for degree in (3, 5)}
 _VALUES = _NODES[:, None] ** _POWERS
 _INTERPOLATE = np.linalg.inv(_VALUES)
+_TAYLOR_AT_END = np.array([[comb(k, order) for k in range(4)] for order in range(4)], dtype=np.float64)
 
 
 def curve_bound_mm(coefficients: Array) -> Array:
@@ -47,15 +48,40 @@ def curve_bound_mm(coefficients: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class SpanChain:
-    """The exact spans of one or more passes: `power` (m, 4, 3) coefficients of p^k on [0, 1], mm.
+    """The exact spans of one or more passes, with what every bound over them needs again.
 
-    `lengths` (m,) are the knot spans, `is_first` and `is_last` (m,) mark the ends of passes.
+    `power` (m, 4, 3) are coefficients of p^k on [0, 1], mm; `is_first` and `is_last` (m,) mark the ends of passes;
+    `slope` (m, 3, 3) is the derivative, `pull` (m, 4, 3) its values over their squares at four parameters, `bend` and
+    `third` (m,) bound the second and third derivative, `jump` (m, 3) are the sizes of the differences |D_k| of a span's
+    polynomial and its predecessor's at their joint, `ratio` (m,) the span's knot length over its predecessor's.
     """
 
     power: Array
-    lengths: Array
     is_first: NDArray[np.bool_]
     is_last: NDArray[np.bool_]
+    slope: Array
+    pull: Array
+    bend: Array
+    third: Array
+    jump: Array
+    ratio: Array
+
+    @classmethod
+    def of(cls, power: Array, lengths: Array, is_first: NDArray[np.bool_], is_last: NDArray[np.bool_]) -> SpanChain:
+        """From coefficients (m, 4, 3), knot lengths (m,) and the marks of first and last spans."""
+        slope = (power * _POWERS[None, :, None])[:, 1:]
+        tangents = np.einsum("nk,mkd->mnd", _VALUES[:, :3], slope)
+        square = (tangents**2).sum(axis=2)[:, :, None]
+        pull = np.where(square > 0.0, tangents / np.where(square > 0.0, square, 1.0), 0.0)
+        pull[is_first, 0] = 0.0
+        pull[is_last, -1] = 0.0
+        second, third = 2.0 * power[:, 2], 6.0 * power[:, 3]
+        bend = np.maximum(np.linalg.norm(second, axis=1), np.linalg.norm(second + third, axis=1))
+        ratio = lengths / np.roll(lengths, 1)
+        before = np.einsum("jk,mkd->mjd", _TAYLOR_AT_END, np.roll(power, 1, axis=0))
+        jump = np.linalg.norm(power - before * ratio[:, None, None] ** _POWERS[None, :, None], axis=2)[:, 1:]
+        jump[is_first] = 0.0
+        return cls(power, is_first, is_last, slope, pull, bend, np.linalg.norm(third, axis=1), jump, ratio)
 
 
 def path_bound_mm(exact: SpanChain, written: Array) -> Array:
@@ -67,47 +93,22 @@ def path_bound_mm(exact: SpanChain, written: Array) -> Array:
     hull; where the match runs over the end of a span, the difference of the two polynomials there is added.
     """
     error = written - exact.power
-    slope = (exact.power * _POWERS[None, :, None])[:, 1:]
-    slide = _slide(error, slope, exact)
+    at_nodes = (np.einsum("nk,mkd->mnd", _VALUES, error) * exact.pull).sum(axis=2)
+    slide = at_nodes @ _INTERPOLATE.T
     across = np.zeros((len(error), 6, error.shape[2]))
     across[:, :4] = error
     for power in range(3):
-        across[:, power : power + 4] -= slope[:, power, None, :] * slide[:, :, None]
+        across[:, power : power + 4] -= exact.slope[:, power, None, :] * slide[:, :, None]
     reach = curve_bound_mm(slide[:, :, None])
-    second, third = 2.0 * exact.power[:, 2], 6.0 * exact.power[:, 3]
-    bend = np.maximum(np.linalg.norm(second, axis=1), np.linalg.norm(second + third, axis=1))
-    remainder = bend * reach**2 / 2.0 + np.linalg.norm(third, axis=1) * reach**3 / 6.0
+    remainder = exact.bend * reach**2 / 2.0 + exact.third * reach**3 / 6.0
     return np.asarray(curve_bound_mm(across) + remainder + _overrun_mm(exact, reach))
-
-
-def _slide(error: Array, slope: Array, exact: SpanChain) -> Array:
-    """Coefficients (m, 4) of the slide along each span."""
-    errors = np.einsum("nk,mkd->mnd", _VALUES, error)
-    tangents = np.einsum("nk,mkd->mnd", _VALUES[:, :3], slope)
-    square = (tangents**2).sum(axis=2)
-    along = (errors * tangents).sum(axis=2)
-    slides = np.where(square > 0.0, along / np.where(square > 0.0, square, 1.0), 0.0)
-    slides[exact.is_first, 0] = 0.0
-    slides[exact.is_last, -1] = 0.0
-    return np.asarray(slides @ _INTERPOLATE.T)
 
 
 def _overrun_mm(exact: SpanChain, reach: Array) -> Array:
     """How far a span's polynomial and its neighbours' differ within `reach` (m,) beyond the span: sum |D_k| reach^k."""
-    before = np.roll(exact.power, 1, axis=0)
-    ratio = exact.lengths / np.roll(exact.lengths, 1)
-    at_end = np.stack([_taylor_at_end(before, order) for order in range(4)], axis=1)
-    jump = exact.power - at_end * ratio[:, None, None] ** _POWERS[None, :, None]
-    widest = np.maximum(reach, np.roll(reach, 1) / ratio)
-    total = (np.linalg.norm(jump, axis=2)[:, 1:] * widest[:, None] ** _POWERS[None, 1:]).sum(axis=1)
-    total = np.where(exact.is_first, 0.0, total)
+    widest = np.maximum(reach, np.roll(reach, 1) / exact.ratio)
+    total = ((exact.jump[:, 2] * widest + exact.jump[:, 1]) * widest + exact.jump[:, 0]) * widest
     return np.maximum(total, np.where(exact.is_last, 0.0, np.roll(total, -1)))
-
-
-def _taylor_at_end(power: Array, order: int) -> Array:
-    """Coefficient `order` of f(1 + q), for coefficients (m, 4, d) of f."""
-    terms = [comb(k, order) * power[:, k] for k in range(order, 4)]
-    return np.asarray(np.sum(terms, axis=0))
 
 
 def poly_power(start: Array, end: Array, square: Array, cube: Array) -> Array:

@@ -53,7 +53,7 @@ def _chain(seed: int, inner: int) -> SpanChain:
     bezier = bezier_points(made)
     work = np.concatenate([bezier[..., :1], np.zeros_like(bezier[..., :1]), bezier[..., 1:]], axis=2)
     number = np.arange(len(work))
-    return SpanChain(power_form(work), knot_lengths(made), number == 0, number == len(work) - 1)
+    return SpanChain.of(power_form(work), knot_lengths(made), number == 0, number == len(work) - 1)
 
 
 def _samples(power: np.ndarray, count: int) -> np.ndarray:
