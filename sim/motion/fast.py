@@ -12,6 +12,7 @@ from sim.motion import law
 _INNER_FIRST = (
     "ramp_time_s",
     "brake_mm",
+    "ease_mm",
     "jerk_to_speed",
     "piece_at",
     "is_safe",
@@ -19,6 +20,8 @@ _INNER_FIRST = (
     "landing_jerk",
     "lands",
     "plan_landing",
+    "stop_jerk",
+    "can_stop",
     "choose_jerk",
 )
 

@@ -52,9 +52,16 @@ def brake_mm(v: float, a: float, target: float, acceleration: float, jerk: float
     if v + a * t / 2.0 <= target:
         t = (-a - math.sqrt(max(a * a - 2.0 * jerk * (v - target), 0.0))) / jerk
         return t * (v + t * (a / 2.0 + jerk * t / 6.0))
+    acceleration = max(acceleration, -a)
     before = v - a * t / 2.0
     done = t * (before - jerk * t * t / 6.0)
     return max((before + target) / 2.0 * ramp_time_s(before - target, acceleration, jerk) - done, 0.0)
+
+
+def ease_mm(v: float, a: float, acceleration: float, jerk: float) -> float:
+    """Distance in which |a| comes down to `acceleration`."""
+    t = (abs(a) - acceleration) / jerk
+    return t * (v + t * (a / 2.0 - math.copysign(jerk * t / 6.0, a)))
 
 
 def jerk_to_speed(
@@ -68,7 +75,8 @@ def jerk_to_speed(
     gap = target - v
     first = gap / (dt * dt) - 1.5 * a / dt
     second = -gap / (dt * dt) + 0.5 * a / dt
-    if abs(first) <= full_jerk and abs(second) <= full_jerk and abs(a + first * dt) <= acceleration:
+    between = gap - dt * (a + first * dt / 2.0)
+    if abs(first) <= full_jerk and abs(second) <= full_jerk and abs(a + first * dt) <= acceleration and between * gap >= 0.0:
         return first
     gap -= a * dt / 2.0
     wanted = jerk * (math.sqrt(dt * dt / 4.0 + 2.0 * abs(gap) / jerk) - dt / 2.0)
@@ -96,26 +104,44 @@ def is_safe(
     nodes: Array,
     accs: Array,
     jerks: Array,
+    dt: float,
 ) -> bool:
-    """Whether every limit from s on can be kept by braking; node `last` counts as speed zero."""
+    """Whether every limit from s on can be kept by braking; node `last` counts as speed zero.
+
+    Braking to a node counts on the tightest limits before it. Where limits tighten much (a small rounding after a
+    long leg) and the speed can be steady by then, what lies beyond is judged anew from there, at that speed. A
+    braking ramp changes its jerk between two steps, which costs less than J dt^3 of way; the step that crosses into
+    tighter limits is already bound by them.
+    """
     top = v + (a * a / (2.0 * PLANNED * jerks[piece]) if a > 0.0 else 0.0)
-    if top > speeds[piece] * (1.0 + 1e-9):
+    if top > speeds[piece] * (1.0 + 1e-9) or abs(a) > accs[piece] * (1.0 + 1e-9):
         return False
-    acceleration, jerk = math.inf, math.inf
-    stop = 0.0
+    acceleration, jerk = PLANNED * accs[piece], PLANNED * jerks[piece]
+    stop = brake_mm(v, a, 0.0, acceleration, jerk)
     for q in range(piece, last + 1):
-        if accs[q] < acceleration or jerks[q] < jerk:
-            acceleration = min(acceleration, accs[q])
-            jerk = min(jerk, jerks[q])
-            stop = brake_mm(v, a, 0.0, PLANNED * acceleration, PLANNED * jerk)
         ahead = ends[q] - s
-        target = nodes[q] if q < last else 0.0
-        if (a > 0.0 or v > target) and brake_mm(v, a, target, PLANNED * acceleration, PLANNED * jerk) > ahead:
-            return False
-        if q < last and a > accs[q + 1] and (a - accs[q + 1]) * top > PLANNED * jerk * ahead:
-            return False
-        if ahead >= stop:
+        target, need = nodes[q] if q < last else 0.0, 0.0
+        if a > 0.0 or v > target:
+            need = brake_mm(v, a, target, acceleration, jerk)
+            if need > 0.0 and need + jerk * dt * dt * dt > ahead:
+                return False
+        if ahead >= stop or q == last:
             return True
+        next_acceleration, next_jerk = PLANNED * accs[q + 1], PLANNED * jerks[q + 1]
+        if next_jerk < jerk:
+            ahead = max(ahead - 1.5 * min(top, target) * dt, 0.0)
+            if need > ahead:
+                return False
+        is_steady_by_then = ahead >= need and ahead >= ease_mm(v, a, 0.0, jerk)
+        if (next_acceleration < 0.5 * acceleration or next_jerk < 0.5 * jerk) and is_steady_by_then:
+            s, v, a = ends[q], min(top, target), 0.0
+            top = v
+            acceleration, jerk = next_acceleration, next_jerk
+        else:
+            if abs(a) > accs[q + 1] and ease_mm(v, a, accs[q + 1], jerk) > ahead:
+                return False
+            acceleration, jerk = min(acceleration, next_acceleration), min(jerk, next_jerk)
+        stop = brake_mm(v, a, 0.0, acceleration, jerk)
     return True
 
 
@@ -165,7 +191,7 @@ def lands(
         v += dt * (a + dt * j / 2.0)
         a += dt * j
         piece = piece_at(s, piece, last, ends)
-        if v < -1e-9 or v > speeds[piece] * (1.0 + 1e-9) + 1e-9 or abs(a) > accs[piece]:
+        if abs(j) > jerks[piece] or v < -1e-9 or v > speeds[piece] * (1.0 + 1e-9) + 1e-9 or abs(a) > accs[piece]:
             return False
     return True
 
@@ -180,11 +206,8 @@ def plan_landing(
     jerk = jerks[piece]
     if ahead > 1.3 * brake_mm(v, a, 0.0, PLANNED * accs[piece], PLANNED * jerk) + 4.0 * jerk * dt * dt * dt + v * dt:
         return False
-    if a < 0.0 and v > 0.0:
-        least = int(3.0 * ahead / v / dt)
-    else:
-        least = int((32.0 * ahead / jerk) ** (1.0 / 3.0) / dt)
-    least = max(3, least)
+    ramp_s = 3.0 * ahead / v if a < 0.0 and v > 0.0 else (32.0 * ahead / jerk) ** (1.0 / 3.0)
+    least = max(3, int(ramp_s / dt))
     for steps in range(least, least + spare):
         if lands(s, v, a, ahead, steps, piece, stop, ends, speeds, accs, jerks, dt):
             alpha, beta, gamma = landing(ahead, v, a, steps, dt)
@@ -195,18 +218,81 @@ def plan_landing(
     return False
 
 
+def stop_jerk(
+    s: float, v: float, a: float, piece: int, last: int, ends: Array, accs: Array, jerks: Array, dt: float
+) -> float:
+    """The jerk of this step on the way to standing still as soon as the limits here and just ahead allow."""
+    acceleration, jerk, full = accs[piece], jerks[piece], jerks[piece]
+    reach, soon = s + v * dt, s + v * (abs(a) / jerk + 2.0 * dt)
+    q = piece
+    while q < last and ends[q] <= soon:
+        q += 1
+        acceleration, jerk = min(acceleration, accs[q]), min(jerk, jerks[q])
+        if ends[q - 1] <= reach:
+            full = jerk
+    return jerk_to_speed(v, a, 0.0, PLANNED * acceleration, PLANNED * jerk, full, dt)
+
+
+def can_stop(
+    s: float,
+    v: float,
+    a: float,
+    j: float,
+    piece: int,
+    last: int,
+    ends: Array,
+    caps: Array,
+    knots: Array,
+    accs: Array,
+    jerks: Array,
+    stops: Indices,
+    dt: float,
+) -> bool:
+    """Whether a step with jerk j, then `stop_jerk` to the end, breaks no limit of the machine at any step.
+
+    `caps` and `knots` do not depend on the override, so what is safe stays safe when the switch is turned.
+    """
+    for _ in range(10_000):
+        a_next = a + j * dt
+        v_next = v + dt * (a + a_next) / 2.0
+        s += dt * (v + dt * (a / 2.0 + dt * j / 6.0))
+        acceleration, jerk, top = accs[piece], jerks[piece], caps[piece]
+        while ends[piece] <= s:
+            if piece == last or stops[piece] != 0:
+                return False
+            top = min(top, knots[piece], caps[piece + 1])
+            piece += 1
+            acceleration, jerk = min(acceleration, accs[piece]), min(jerk, jerks[piece])
+        if v_next > top * (1.0 + 1e-9) or abs(a_next) > acceleration * (1.0 + 1e-9):
+            return False
+        if abs(j) > jerk * (1.0 + 1e-9) or v_next < -1e-9:
+            return False
+        if v_next <= 1e-9:
+            return abs(a_next) <= 1e-6 * accs[piece]
+        v, a = v_next, a_next
+        j = stop_jerk(s, v, a, piece, last, ends, accs, jerks, dt)
+    return False
+
+
 def choose_jerk(
     state: Array,
     last: int,
     ends: Array,
     speeds: Array,
     nodes: Array,
+    caps: Array,
+    knots: Array,
     accs: Array,
     jerks: Array,
+    stops: Indices,
     is_holding: bool,
     dt: float,
 ) -> float:
-    """The largest jerk of this step that keeps every limit ahead; when none does, the hardest braking."""
+    """The largest jerk of this step after which every limit ahead can be kept.
+
+    `is_safe` chooses it by closed forms that foresee smooth braking; `can_stop` has the last word, step by step.
+    Where nothing else passes, the way to standstill that the step before has proved is followed.
+    """
     s, v, a = state[S], state[V], state[A]
     piece = int(state[PIECE])
     reach = piece_at(s + v * dt, piece, last, ends)
@@ -216,9 +302,10 @@ def choose_jerk(
     if is_holding:
         speed = 0.0
     high = jerk_to_speed(v, a, speed, PLANNED * acceleration, PLANNED * jerk, jerk, dt)
-    low = jerk_to_speed(v, a, 0.0, acceleration, PLANNED * jerk, jerk, dt)
+    low = stop_jerk(s, v, a, piece, last, ends, accs, jerks, dt)
     if high <= low:
-        return high
+        return low
+    proved = low
     trial, best = high, low
     for _ in range(8):
         a_next = a + trial * dt
@@ -229,7 +316,7 @@ def choose_jerk(
         top = speeds[after]
         if is_slowing and top < v:
             speeds[after] = v
-        good = is_safe(s_next, v_next, a_next, after, last, ends, speeds, nodes, accs, jerks)
+        good = is_safe(s_next, v_next, a_next, after, last, ends, speeds, nodes, accs, jerks, dt)
         speeds[after] = top
         if good:
             best = trial
@@ -239,7 +326,11 @@ def choose_jerk(
         else:
             high = trial
         trial = (low + high) / 2.0
-    return best
+    for _ in range(4):
+        if best == proved or can_stop(s, v, a, best, piece, last, ends, caps, knots, accs, jerks, stops, dt):
+            return best
+        best = (best + proved) / 2.0
+    return proved
 
 
 def run(
@@ -248,6 +339,8 @@ def run(
     ends: Array,
     speeds: Array,
     nodes: Array,
+    caps: Array,
+    knots: Array,
     accs: Array,
     jerks: Array,
     stops: Indices,
@@ -285,7 +378,7 @@ def run(
             j = landing_jerk(state[ALPHA], state[BETA], state[GAMMA], int(state[LANDING_STEPS]), left)
             state[LANDING_LEFT] = left - 1
         else:
-            j = choose_jerk(state, last, ends, speeds, nodes, accs, jerks, is_holding, dt)
+            j = choose_jerk(state, last, ends, speeds, nodes, caps, knots, accs, jerks, stops, is_holding, dt)
         v, a = state[V], state[A]
         state[S] += dt * (v + dt * (a / 2.0 + dt * j / 6.0))
         state[V] = max(v + dt * (a + dt * j / 2.0), 0.0)

@@ -399,6 +399,8 @@ class Machine:
             rows.ends,
             rows.speeds,
             rows.nodes,
+            rows.caps,
+            rows.knots,
             rows.accs,
             rows.jerks,
             rows.stops,
