@@ -9,10 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim import probe_fast
+from sim import probe_pure
 from sim.bins import Bins, Strands, bins_of, strands_of
 from sim.sweep import Sweep
 from sim.tool import Tool
+
+try:
+    from sim.probe_fast import heights as fast_heights
+except ImportError:
+    fast_heights = probe_pure.heights
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -32,7 +37,10 @@ class Heights:
 
 @dataclass(frozen=True, slots=True)
 class Probes:
-    """A sweep made ready for probing: pieces, chords (begin, vector, sag), strands, bins in plan."""
+    """A sweep made ready for probing: pieces, chords (begin, vector, sag), strands, bins in plan.
+
+    `is_compiled` chooses the compiled probes; without numba, or when False, the same figures come from numpy.
+    """
 
     sweep: Sweep
     chords: Floats
@@ -41,6 +49,7 @@ class Probes:
     tool: Tool
     reach_mm: float
     margin_mm: float
+    is_compiled: bool = True
 
     def measure(self, points: Floats, normals: Floats) -> Heights:
         """Heights along unit normals (n, 3) from points (n, 3); probes with a nan normal are not reached."""
@@ -57,7 +66,8 @@ class Probes:
     def _measure(self, points: Floats, normals: Floats, part: Ints, found: Heights) -> None:
         height, piece, parameter = np.empty(len(part)), np.empty(len(part), dtype=np.int64), np.empty(len(part))
         bins = self.bins
-        probe_fast.heights(
+        heights = fast_heights if self.is_compiled else probe_pure.heights
+        heights(
             points[part],
             normals[part],
             (self.strands.chords, self.strands.firsts, self.chords, self.sweep.coefficients, bins.items),

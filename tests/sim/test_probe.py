@@ -1,0 +1,126 @@
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from sim.interpreter.canon import Arc, Line, Motion, Polynomial, Rapid
+from sim.probe import probes_of
+from sim.sweep import sweep_of
+from sim.tool import BallTool
+
+R = 4.0
+
+
+def random_motions(rng: np.random.Generator, count: int) -> list[Motion]:
+    """Motions of all kinds about the square (-4, -4) to (4, 4), centres about one radius above z = 0."""
+    made: list[Motion] = []
+    for line in range(1, count + 1):
+        a, b = (tuple(rng.uniform((-4, -4, R - 0.6), (4, 4, R + 1.5))) for _ in range(2))
+        kind = rng.integers(4)
+        if kind == 0:
+            made.append(Line(line, None, a, b, 100.0))
+        elif kind == 1:
+            made.append(Rapid(line, None, a, (a[0], a[1], b[2]) if rng.random() < 0.5 else (b[0], b[1], a[2])))
+        elif kind == 2:
+            coefficients = (a, *(tuple(rng.normal(0, s, 3)) for s in (2.0, 0.5, 0.2)))
+            denominator = (1.0, 0.3, 0.1) if rng.random() < 0.5 else (1.0,)
+            top = np.array(coefficients).sum(axis=0) / sum(denominator)
+            made.append(Polynomial(line, None, a, tuple(top), coefficients, denominator, 1.0, 100.0))
+        else:
+            made.append(arc(line, a, rng))
+    return made
+
+
+def arc(line: int, start: tuple[float, ...], rng: np.random.Generator) -> Arc:
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    centre = np.array(start) + rng.uniform(-2, 2, 3)
+    centre = centre - np.dot(centre - start, axis) * axis
+    sweep, rise = rng.uniform(0.3, 5.0), rng.uniform(-0.5, 0.5)
+    spoke = np.array(start) - centre
+    end = centre + math.cos(sweep) * spoke + math.sin(sweep) * np.cross(axis, spoke) + rise * axis
+    return Arc(line, None, start, tuple(end), tuple(centre), tuple(axis), sweep, 100.0)
+
+
+def sampled(motion: Motion, count: int) -> np.ndarray:
+    """Ball centres along a motion, straight from the definition of the canonical command."""
+    s = np.linspace(0.0, 1.0, count)[:, None]
+    start, end = np.array(motion.start), np.array(motion.end)
+    if isinstance(motion, Polynomial):
+        top = sum(np.array(c) * (s * motion.length) ** k for k, c in enumerate(motion.coefficients))
+        return top / sum(d * (s * motion.length) ** k for k, d in enumerate(motion.denominator))
+    if isinstance(motion, Arc):
+        centre, axis = np.array(motion.centre), np.array(motion.axis)
+        spoke, angle = start - centre, s * motion.sweep_rad
+        rise = np.dot(end - start, axis)
+        return centre + np.cos(angle) * spoke + np.sin(angle) * np.cross(axis, spoke) + s * rise * axis
+    return start + s * (end - start)
+
+
+def clearance(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """Distance of each point to the nearest axis (half-line up from a centre), less the radius."""
+    apart = points[:, None] - centres
+    apart[..., 2] = np.minimum(apart[..., 2], 0.0)
+    return np.linalg.norm(apart, axis=-1).min(axis=1) - R
+
+
+def rays(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    points = np.column_stack([rng.uniform(-4, 4, (count, 2)), rng.uniform(-0.1, 0.1, count)])
+    normals = np.column_stack([rng.normal(0, 0.4, (count, 2)), np.ones(count)])
+    return points, normals / np.linalg.norm(normals, axis=1)[:, None]
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_brute_force_agrees(seed: int) -> None:
+    """(3.2) Below the height found there is material all the way, above it none, by dense sampling of the motions."""
+    rng = np.random.default_rng(seed)
+    motions = random_motions(rng, 4)
+    probes = probes_of(sweep_of(motions, 0.0, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7), BallTool(R), reach_mm=1.0)
+    points, normals = rays(rng, 6)
+    found = probes.measure(points, normals).height_mm
+    centres = np.concatenate([sampled(motion, 1500) for motion in motions])
+    slack = 1e-5
+    for point, normal, height in zip(points, normals, found, strict=True):
+        reached = min(height, 1.0)
+        between = np.linspace(min(reached, 0.0), max(reached, 0.0), 60)[1:-1]
+        gaps = clearance(point + between[:, None] * normal, centres)
+        assert (gaps > -slack).all() if height > 0 else (gaps < slack).all()
+        if np.isfinite(height):
+            assert abs(clearance((point + height * normal)[None], centres)[0]) < slack
+            assert clearance((point + (height - 1e-4) * normal)[None], centres)[0] > -slack
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_numpy_gives_the_compiled_figures(seed: int) -> None:
+    """(3.4) Without numba the same heights, the same pieces."""
+    pytest.importorskip("numba")
+    rng = np.random.default_rng(100 + seed)
+    motions = random_motions(rng, 12)
+    fast = probes_of(sweep_of(motions, 0.0, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7), BallTool(R), reach_mm=1.0)
+    pure = dataclasses.replace(fast, is_compiled=False)
+    points, normals = rays(rng, 700)
+    one, two = fast.measure(points, normals), pure.measure(points, normals)
+    np.testing.assert_array_equal(np.isfinite(one.height_mm), np.isfinite(two.height_mm))
+    reached = np.isfinite(one.height_mm)
+    np.testing.assert_allclose(one.height_mm[reached], two.height_mm[reached], atol=1e-10)
+    assert (one.height_mm[reached] < 0).any()
+    assert (one.height_mm[reached] > 0).any()
+
+
+def test_a_long_straight_move_is_exact_far_from_its_ends() -> None:
+    """(3.1) Splitting a line changes nothing: the depth below a slope of 45 degrees is that of a cylinder."""
+    motions = [Line(1, None, (-60.0, 0.0, R - 60.0), (60.0, 0.0, R + 60.0), 1.0)]
+    probes = probes_of(sweep_of(motions, 0.0, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7), BallTool(R), reach_mm=1.0)
+    normal = np.array([-1.0, 0.0, 1.0]) / math.sqrt(2.0)
+    centre = np.array([3.3, 0.0, R + 3.3])
+    point = centre - (R - 0.25) * normal
+    found = probes.measure(point[None], normal[None])
+    assert found.height_mm[0] == pytest.approx(-0.25, abs=1e-12)
+
+
+def test_no_motions_reach_nothing() -> None:
+    """(3.1) An empty program leaves everything."""
+    probes = probes_of(sweep_of([], 0.0, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7), BallTool(R), reach_mm=1.0)
+    found = probes.measure(np.zeros((3, 3)), np.tile([0.0, 0.0, 1.0], (3, 1)))
+    assert np.isinf(found.height_mm).all()
