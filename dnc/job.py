@@ -118,6 +118,7 @@ class Job:
             "sha256": self.tape.sha256,
             "program_sha256": self.tape.program_sha256,
             "bytes_total": self.tape.size_bytes,
+            "restart": self.names.restart,
             "started": self._started.isoformat(timespec="milliseconds"),
         }
         with contextlib.suppress(OSError):
@@ -140,6 +141,7 @@ class Job:
             program=self.names.program,
             machine=self.names.machine,
             port=self.port.name,
+            restart=self.names.restart,
             started=self._started.isoformat(timespec="milliseconds"),
             handshake=self.profile.link.handshake,
             bound_assured=self.port.is_bound_assured and self.port.flow is Flow.BYTES,

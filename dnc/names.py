@@ -5,15 +5,17 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
 class JobNames:
-    """A job's id, the program's file, the machine profile."""
+    """A job's id, the program's file, the machine profile; what a restart was made of, if it is one."""
 
     job_id: str
     program: str
     machine: str
+    restart: dict[str, Any] | None = None
 
 
 def new_job_id() -> str:

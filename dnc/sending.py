@@ -6,9 +6,11 @@ import contextlib
 import json
 import math
 import sys
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click
 import msgspec
@@ -64,8 +66,15 @@ def send(wishes: Wishes) -> int:
     if wishes.report is not None and not wishes.report.parent.is_dir():
         raise SettingsRejected(f"the folder of {wishes.report} does not exist", remedy="create it")
     tape = load_tape(wishes.program, profile.tape, state_folder() / "spool")
+    restart: dict[str, Any] | None = None
     try:
         refuse_contradiction(tape, profile, wishes.program)
+        if wishes.check_first:
+            from dnc.resuming import refuse_findings
+
+            refuse_findings(wishes.program, profile)
+        if wishes.start_at is not None or wishes.resume:
+            tape, restart = _restarted(tape, profile, wishes)
         with _port(wishes, profile) as (port, profile):
             try:
                 refuse_overrun(tape, profile, port, is_forced=wishes.force)
@@ -73,15 +82,55 @@ def send(wishes: Wishes) -> int:
             except BaseException:
                 port.close()
                 raise
-            finished = _run(tape, port, profile, wishes)
+            finished = _run(tape, port, profile, wishes, restart)
     finally:
         tape.close()
     return _ending(finished, wishes)
 
 
+def _restarted(tape: Tape, profile: MachineProfile, wishes: Wishes) -> tuple[Tape, dict[str, Any]]:
+    """The tape of a restart in place of the whole program's, once the operator agreed."""
+    from dnc.resuming import confirm, plan_restart
+
+    if wishes.start_at is not None and wishes.resume:
+        raise click.UsageError("give --start-at or --resume, not both")
+    plan = plan_restart(wishes.program, tape, profile, wishes.start_at, is_forced=wishes.force)
+    confirm(plan, is_yes=wishes.yes)
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder) / wishes.program.name
+        program.write_bytes(plan.data)
+        restarted = load_tape(program, profile.tape, state_folder() / "spool")
+    tape.close()
+    return restarted, plan.record()
+
+
+def machine_profile(machine: str) -> MachineProfile:
+    """The profile of this name or path."""
+    return load_profile(profile_path(machine, config_folder() / "machines"))
+
+
+def link_with(link: Link, given: Mapping[str, object]) -> Link:
+    """The line with what the options say in place of the profile's values; None means not given."""
+    values = msgspec.to_builtins(link) | {name: value for name, value in given.items() if value is not None}
+    try:
+        changed = msgspec.convert(values, Link)
+    except msgspec.ValidationError as problem:
+        raise SettingsRejected(str(problem).replace(" - at `$.", ": ").rstrip("`"), remedy="mend the option") from None
+    if changed.format.endswith("1.5") and not changed.format.startswith("5"):
+        raise SettingsRejected(
+            f"format {changed.format}: 1.5 stop bits exist with 5 data bits only", remedy="use 1 or 2"
+        )
+    if changed.start == "wait-xon" and changed.handshake != "xonxoff":
+        raise SettingsRejected(
+            f"start wait-xon cannot work with handshake {changed.handshake}: nobody reads the XON",
+            remedy="use --handshake xonxoff, or --start immediate",
+        )
+    return changed
+
+
 def effective_profile(wishes: Wishes) -> MachineProfile:
     """The machine's profile with the options in place of its own values."""
-    profile = load_profile(profile_path(wishes.machine, config_folder() / "machines"))
+    profile = machine_profile(wishes.machine)
     given = {
         "baud": wishes.baud,
         "format": wishes.form,
@@ -90,17 +139,7 @@ def effective_profile(wishes: Wishes) -> MachineProfile:
         "start_timeout_s": wishes.start_timeout,
         "hold_timeout_s": wishes.hold_timeout,
     }
-    values = msgspec.to_builtins(profile.link) | {name: value for name, value in given.items() if value is not None}
-    try:
-        link = msgspec.convert(values, Link)
-    except msgspec.ValidationError as problem:
-        raise SettingsRejected(str(problem).replace(" - at `$.", ": ").rstrip("`"), remedy="mend the option") from None
-    if link.start == "wait-xon" and link.handshake != "xonxoff":
-        raise SettingsRejected(
-            f"start wait-xon cannot work with handshake {link.handshake}: nobody reads the XON",
-            remedy="use --handshake xonxoff, or --start immediate",
-        )
-    return msgspec.structs.replace(profile, link=link)
+    return msgspec.structs.replace(profile, link=link_with(profile.link, given))
 
 
 def refuse_overrun(tape: Tape, profile: MachineProfile, port: Port, *, is_forced: bool) -> None:
@@ -151,10 +190,10 @@ def _port(wishes: Wishes, profile: MachineProfile) -> Iterator[tuple[Port, Machi
         yield open_port(name, scaled.link), scaled
 
 
-def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes) -> Finished:
+def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restart: dict[str, Any] | None) -> Finished:
     for warning in line_warnings(profile, port):
         click.echo(f"dnc: warning: {warning}", err=True)
-    names = JobNames(new_job_id(), str(wishes.program), wishes.machine)
+    names = JobNames(new_job_id(), str(wishes.program), wishes.machine, restart)
     job = Job(tape, port, profile, names, [event_lines(port.is_simulated), *hooks_of(wishes.hook, wishes.webhook)])
     with Progress(job.sender, port.is_simulated, sys.stderr):
         return job.run()

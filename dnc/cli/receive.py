@@ -1,0 +1,72 @@
+"""`dnc receive`: take programs that the control punches out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+
+@click.command(epilog="Example: dnc receive --port /dev/ttyUSB0 -o programs/ --count 1")
+@click.option("--port", required=True, help="device, pty, socket://host:port or rfc2217://host:port")
+@click.option(
+    "-o", "--output", "folder", required=True, type=click.Path(path_type=Path), help="folder for the programs"
+)
+@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
+@click.option("--baud", type=click.IntRange(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's")
+@click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
+@click.option("--count", type=click.IntRange(min=0), default=0, help="end after so many programs; 0: go on")
+@click.option("--wait", type=click.FloatRange(min=0), default=0.0, help="end after so many silent seconds; 0: never")
+@click.option("--silence", type=click.FloatRange(min=0.1), default=5.0, show_default=True, help="ends a program, s")
+@click.option("--max-bytes", type=click.IntRange(min=1), default=100_000_000, show_default=True, help="per program")
+@click.option("--send-xon", is_flag=True, help="tell the control to begin")
+@click.option("--json", "as_json", is_flag=True, help="print a report to stdout")
+def command(
+    port: str,
+    folder: Path,
+    machine: str,
+    baud: int | None,
+    form: str | None,
+    count: int,
+    wait: float,
+    silence: float,
+    max_bytes: int,
+    send_xon: bool,
+    as_json: bool,
+) -> int:
+    """Store what the control punches out, each program under its own name, nothing overwritten.
+
+    Exit 5 if --count was given and fewer programs came.
+    """
+    import dataclasses
+
+    from dnc.errors import InputRejected, LineFault
+    from dnc.punch_in import PunchIn
+    from dnc.receiving import Stored, receive
+    from dnc.sending import link_with, machine_profile, open_port
+
+    if not folder.is_dir():
+        raise InputRejected("is no folder", path=folder, remedy="create it first")
+    link = link_with(machine_profile(machine).link, {"baud": baud, "format": form})
+    opened = open_port(port, link)
+    label = "SIMULATED: " if opened.is_simulated else ""
+
+    def say(stored: Stored) -> None:
+        what = "stored" if stored.is_new else "was there already"
+        click.echo(f"dnc: {label}{stored.path} {what}, {stored.size_bytes} bytes, ended by {stored.ended_by}", err=True)
+
+    try:
+        if send_xon:
+            opened.write(bytes([link.xon]))
+        punch_in = PunchIn(silence, max_bytes, is_seven_bit=link.software_parity)
+        stored = receive(opened, punch_in, folder, count, wait, say)
+    finally:
+        opened.close()
+    if as_json:
+        rows = [{**dataclasses.asdict(one), "path": str(one.path)} for one in stored]
+        report = {"schema": "dripmill.receive", "version": 1, "simulated": opened.is_simulated, "programs": rows}
+        click.echo(json.dumps(report, indent=1))
+    if len(stored) < count:
+        raise LineFault(f"{len(stored)} of {count} programs came; check the punch-out setting at the control")
+    return 0

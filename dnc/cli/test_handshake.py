@@ -1,0 +1,44 @@
+"""`dnc test-handshake`: see that this control really stops us over this cable."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import click
+
+
+@click.command(epilog="Example: dnc test-handshake --port /dev/ttyUSB0")
+@click.option("--port", required=True, help="device or pty")
+@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
+@click.option("--baud", type=click.IntRange(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's")
+@click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
+@click.option("--resume-wait", type=click.FloatRange(min=0), default=120.0, show_default=True, help="s to raise it")
+@click.option("--yes", is_flag=True, help="the override is at 0 and the axes may move by 0.01 mm")
+@click.option("--json", "as_json", is_flag=True, help="print a report to stdout")
+def command(
+    port: str, machine: str, baud: int | None, form: str | None, resume_wait: float, yes: bool, as_json: bool
+) -> int:
+    """Set the feed override to 0, start external execution at the control: sending must stop, then go on when raised.
+
+    Sends moves of 0.01 mm to and fro in X from where the machine stands. Exit 0 if the control stopped us and let us
+    go on, 5 otherwise. No key here is an emergency stop.
+    """
+    import msgspec
+
+    from dnc.examiner import examine
+    from dnc.sending import link_with, machine_profile, open_port
+
+    if not yes:
+        question = "Feed override at 0, nothing in the way, axes may move 0.01 mm in X when it is raised?"
+        if not sys.stdin.isatty() or not click.confirm(question, err=True):
+            raise click.UsageError("set the feed override to 0, then confirm, or give --yes")
+    profile = machine_profile(machine)
+    profile = msgspec.structs.replace(profile, link=link_with(profile.link, {"baud": baud, "format": form}))
+    opened = open_port(port, profile.link)
+    report = examine(opened, profile, machine, resume_wait, lambda text: click.echo(f"dnc: {text}", err=True))
+    label = "SIMULATED: " if report["simulated"] else ""
+    click.echo(f"dnc: {label}{report['verdict']}", err=True)
+    if as_json:
+        click.echo(json.dumps(report, indent=1))
+    return 0 if report["passed"] else 5

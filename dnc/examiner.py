@@ -1,0 +1,120 @@
+"""The acceptance test of a cable: feed override at 0 must stop us, feed override up must let us go on.
+
+Nothing but this shows that a control and a cable really do XON/XOFF; many a job was lost on a line where they did not.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from enum import Enum
+from pathlib import Path
+from typing import Any, Self
+
+import msgspec
+
+from dnc.events import JobState
+from dnc.job import Job
+from dnc.names import JobNames, new_job_id
+from dnc.places import state_folder
+from dnc.port import Port
+from dnc.profile import Control, MachineProfile, Tape
+from dnc.sender import Sender
+from dnc.spool import load_tape
+from dnc.stream import Command, Stream
+
+_PERIOD_S = 0.1
+_HELD_LONG_ENOUGH_S = 3.0
+
+
+class Verdict(Enum):
+    """What came out, as a sentence for the operator."""
+
+    PASSED = "the control stopped us and let us go on"
+    STOPPED_ONLY = "the control stopped us; it was not seen to let us go on in the time given"
+    NEVER_STOPPED = "the control took more than its buffer holds and never sent XOFF"
+    TOO_SHORT = "the program ended before the control had to stop us"
+    BROKEN_OFF = "the line failed during the test"
+
+
+def to_and_fro(control: Control) -> bytes:
+    """Moves of 0.01 mm to and fro in X from where the machine stands, three times what the buffer holds."""
+    pair = b"G1 X0.01\nG1 X-0.01\n"
+    return b"G91 G94 G1 F10\n" + pair * (3 * control.receive_buffer_bytes // len(pair) + 50) + b"G90\nM30\n"
+
+
+class Examiner:
+    """Watches a running job from a thread of its own and ends it when the verdict is clear."""
+
+    def __init__(self, stream: Stream, control: Control, resume_wait_s: float, say: Callable[[str], None]) -> None:
+        self.verdict = Verdict.BROKEN_OFF
+        self._stream, self._control, self._resume_wait_s, self._say = stream, control, resume_wait_s, say
+        self._limit_bytes = control.receive_buffer_bytes + control.lookahead_blocks * 20 + 1000
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="examiner", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        self._end.set()
+        self._thread.join(2.0)
+
+    def _run(self) -> None:
+        self.verdict = self._examined(self._stream.sender)
+        self._stream.command(Command.PAUSE)
+        self._wait_until(lambda: self._stream.sender.state is not JobState.SENDING, 2.0)
+        self._stream.command(Command.ABORT)
+
+    def _examined(self, sender: Sender) -> Verdict:
+        def is_settled() -> bool:
+            is_held = sender.state is JobState.HELD and time.monotonic() - sender.held_since_s >= _HELD_LONG_ENOUGH_S
+            return is_held or sender.offset_bytes > self._limit_bytes
+
+        if not self._wait_until(is_settled, None):
+            return Verdict.TOO_SHORT if sender.state is JobState.SENT else Verdict.BROKEN_OFF
+        if sender.state is not JobState.HELD:
+            return Verdict.NEVER_STOPPED
+        self._say(f"held after {sender.offset_bytes} bytes: the control stops us. Now raise the feed override.")
+        if self._wait_until(lambda: sender.state is JobState.SENDING, self._resume_wait_s):
+            return Verdict.PASSED
+        return Verdict.STOPPED_ONLY
+
+    def _wait_until(self, is_so: Callable[[], bool], limit_s: float | None) -> bool:
+        """Poll until it is so; False when the time is up or the job is over."""
+        until_s = None if limit_s is None else time.monotonic() + limit_s
+        while not is_so():
+            is_late = until_s is not None and time.monotonic() > until_s
+            if is_late or self._stream.sender.is_over or self._end.wait(_PERIOD_S):
+                return False
+        return True
+
+
+def examine(
+    port: Port, profile: MachineProfile, machine: str, resume_wait_s: float, say: Callable[[str], None]
+) -> dict[str, Any]:
+    """Send the moves, watch, stop; the report says whether it passed and how many bytes ran on after XOFF."""
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder) / "test-handshake.mpf"
+        program.write_bytes(to_and_fro(profile.control))
+        tape = load_tape(program, Tape(), state_folder() / "spool")
+    silent = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, hold_timeout_s=0.0))
+    job = Job(tape, port, silent, JobNames(new_job_id(), "test-handshake", machine), [])
+    try:
+        with Examiner(job.stream, profile.control, resume_wait_s, say) as examiner:
+            finished = job.run()
+    finally:
+        tape.close()
+    keys = ("xoff_count", "held_s", "inflight_at_xoff_bytes_max", "masked_xoff_count", "noise_bytes", "bytes_sent")
+    return {
+        "schema": "dripmill.test-handshake",
+        "version": 1,
+        "passed": examiner.verdict is Verdict.PASSED,
+        "verdict": examiner.verdict.value,
+        "simulated": finished.report["simulated"],
+        "alarms": finished.report["alarms"],
+        **{key: finished.report[key] for key in keys},
+    }

@@ -1,0 +1,100 @@
+"""Programs that the control punches out: finds where each begins and ends, and what it is called. No I/O.
+
+A program ends with DC4, ETX or EOT, with the % that closes one begun by %, or after a silence. NUL, DC1 to DC4 and
+other codes of the tape are no part of it; everything else is kept byte by byte.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from enum import Enum
+
+_CODES = bytes([0x00, 0x01, 0x02, 0x11, 0x12, 0x13, 0x16, 0x17, 0x7F])
+_ENDS = {0x14: "DC4", 0x03: "ETX", 0x04: "EOT"}
+_NAMES = (
+    re.compile(rb"^%_N_([A-Za-z0-9_]{1,28})_((?:MPF|SPF|WPD|INI|TEA|CMA))"),
+    re.compile(rb"^\$([A-Za-z0-9_-]{1,28})\.(MIN|SUB|LIB)%?"),
+    re.compile(rb"^%?\s*([O:]\d{1,8})"),
+    re.compile(rb"^%\s*([A-Za-z0-9_-]{1,32})"),
+)
+_HEAD_BYTES = 400
+
+
+class End(Enum):
+    """What ended a program."""
+
+    CODE = "a code of the tape"
+    PERCENT = "the closing %"
+    SILENCE = "silence"
+    FULL = "the size limit"
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """One whole program; `name` is safe as a file name."""
+
+    name: str
+    data: bytes
+    end: End
+
+
+class PunchIn:
+    """Feed what arrives; get programs. `silence_s` ends a program, `limit_bytes` protects this computer."""
+
+    def __init__(self, silence_s: float, limit_bytes: int, *, is_seven_bit: bool = False) -> None:
+        self._silence_s, self._limit_bytes = silence_s, limit_bytes
+        self._mask = bytes(code & 0x7F for code in range(256)) if is_seven_bit else None
+        self._data = bytearray()
+        self._heard_s = -math.inf
+
+    @property
+    def next_wake_s(self) -> float:
+        """When silence will have ended the program that is under way."""
+        return self._heard_s + self._silence_s if self._data.strip() else math.inf
+
+    def hear(self, data: bytes, now_s: float) -> list[Received]:
+        """The programs that these bytes complete."""
+        self._heard_s = now_s
+        done = []
+        for code in data if self._mask is None else data.translate(self._mask):
+            if code in _ENDS:
+                done += self._finished(End.CODE)
+            elif code not in _CODES:
+                self._data.append(code)
+                if code in b"\r\n" and self._is_closed():
+                    done += self._finished(End.PERCENT)
+                elif len(self._data) >= self._limit_bytes:
+                    done += self._finished(End.FULL)
+        return done
+
+    def tick(self, now_s: float) -> list[Received]:
+        """The program that silence has ended, if any."""
+        return self._finished(End.SILENCE) if now_s >= self.next_wake_s else []
+
+    def _is_closed(self) -> bool:
+        """Whether a line of one % follows a program that began with %."""
+        text = self._data.rstrip(b"\r\n \t")
+        is_alone = text.endswith((b"\n%", b"\r%"))
+        return is_alone and self._data.lstrip(b"\r\n \t").startswith(b"%") and len(text) > 2
+
+    def _finished(self, end: End) -> list[Received]:
+        data = bytes(self._data).lstrip(b"\r\n")
+        self._data.clear()
+        return [Received(program_name(data), data, end)] if data.strip(b"%\r\n \t") else []
+
+
+def program_name(data: bytes) -> str:
+    r"""The program's own name, in letters that are safe anywhere; `program` if it has none.
+
+    >>> program_name(b"%_N_WAVE_MPF\nG0"), program_name(b"%\nO1234\n"), program_name(b"G0 X1")
+    ('WAVE.MPF', 'O1234', 'program')
+    """
+    lines = [line.strip() for line in re.split(rb"[\r\n]+", data[:_HEAD_BYTES])]
+    for line in [line for line in lines if line][:2]:
+        for pattern in _NAMES:
+            found = pattern.match(line)
+            if found:
+                return ".".join(part.decode("ascii").upper() for part in found.groups()).replace(":", "O")
+    return "program"

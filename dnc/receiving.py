@@ -1,0 +1,91 @@
+"""What `dnc receive` does: listen on a port and put away the programs that the control punches out."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import select
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+from dnc.errors import InputRejected
+from dnc.port import Port
+from dnc.punch_in import PunchIn, Received
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """A program as it lies in the folder now."""
+
+    path: Path
+    size_bytes: int
+    sha256: str
+    ended_by: str
+    is_new: bool
+
+
+def receive(
+    port: Port, punch_in: PunchIn, folder: Path, count: int, wait_s: float, say: Callable[[Stored], None]
+) -> list[Stored]:
+    """Listen for `count` programs (0: no limit), until nothing came for `wait_s` (0: for ever), or a signal."""
+    stored: list[Stored] = []
+    stop_read, stop_write = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        os.write(stop_write, b"!")
+
+    before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        quiet_since_s = time.monotonic()
+        while not 0 < count <= len(stored):
+            now_s = time.monotonic()
+            until_s = min(punch_in.next_wake_s, quiet_since_s + wait_s if wait_s > 0 else now_s + 3600)
+            ready, _, _ = select.select([port.fileno(), stop_read], [], [], max(0.0, until_s - now_s))
+            now_s = time.monotonic()
+            programs = punch_in.tick(now_s)
+            if port.fileno() in ready:
+                programs += punch_in.hear(port.read(), now_s)
+                quiet_since_s = now_s
+            for program in programs:
+                stored.append(put_away(program, folder))
+                say(stored[-1])
+            if stop_read in ready or (not ready and 0 < wait_s <= now_s - quiet_since_s):
+                break
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        os.close(stop_read)
+        os.close(stop_write)
+    return stored
+
+
+def put_away(program: Received, folder: Path) -> Stored:
+    """Write a program under its own name; an equal file is left alone, a different one keeps its name."""
+    unfinished = folder / f".receiving-{os.getpid()}.tmp"
+    try:
+        unfinished.write_bytes(program.data)
+        path, is_new = _linked(unfinished, folder, program)
+    except OSError as problem:
+        raise InputRejected(f"the program cannot be stored: {problem.strerror}", path=folder) from None
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return Stored(path, len(program.data), hashlib.sha256(program.data).hexdigest(), program.end.value, is_new)
+
+
+def _linked(unfinished: Path, folder: Path, program: Received) -> tuple[Path, bool]:
+    stem, dot, suffix = program.name.partition(".")
+    number = 1
+    while True:
+        path = folder / (program.name if number == 1 else f"{stem}-{number}{dot}{suffix}")
+        try:
+            path.hardlink_to(unfinished)
+        except FileExistsError:
+            if path.is_file() and path.stat().st_size == len(program.data) and path.read_bytes() == program.data:
+                return path, False
+            number += 1
+            continue
+        return path, True

@@ -1,0 +1,184 @@
+"""`--start-at` and `--resume`: from a stopped job to a program that begins with a computed preamble.
+
+The planner's own restart points (pass starts, listed in the sidecar) are offered; any other block needs --force. The
+preamble is shown and the operator asked before anything is sent; nothing ever restarts by itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from dnc.errors import InputRejected, JournalMismatch, SettingsRejected
+from dnc.joblist import PastJob, past_jobs
+from dnc.places import state_folder
+from dnc.profile import MachineProfile
+from dnc.progress import printable
+from dnc.record import in_doubt
+from dnc.restart import Heights, RestartPoint, restart_at_line, restart_at_number
+from dnc.tape import Tape
+from sim.interpreter.settings import KnotRule, Settings
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A restart: the point, the program that begins with its preamble, and how its lines map to the first program's."""
+
+    point: RestartPoint
+    data: bytes
+    lines_before: int
+    program_sha256: str
+
+    def record(self) -> dict[str, Any]:
+        """What the job's record keeps of it."""
+        return {
+            "line": self.point.line,
+            "block": self.point.block,
+            "offset_bytes": self.point.offset_bytes,
+            "lines_before": self.lines_before,
+            "program_sha256": self.program_sha256,
+            "preamble": list(self.point.preamble),
+        }
+
+
+def plan_restart(program: Path, tape: Tape, profile: MachineProfile, start_at: str | None, *, is_forced: bool) -> Plan:
+    """Where to begin and with which preamble; `start_at` is a block or a line, None resumes the last job.
+
+    Raises JournalMismatch (no such job, another program), InputRejected (no such block, cannot be restored).
+    """
+    data = program.read_bytes()
+    sidecar = _sidecar(program, data)
+    points: list[dict[str, Any]] = sidecar["restart_points"]
+    settings = Settings(knot_rule=KnotRule(profile.control.knot_rule))
+    heights = _heights(sidecar)
+    if start_at is None:
+        line = _last_point_before(points, _first_in_doubt(tape, profile), program)
+        point = restart_at_line(data, line, heights, settings)
+    elif start_at.upper().startswith("N") and start_at[1:].isdecimal():
+        point = restart_at_number(data, int(start_at[1:]), heights, settings)
+    elif start_at.isdecimal():
+        point = restart_at_line(data, int(start_at), heights, settings)
+    else:
+        raise click.UsageError(f"--start-at {start_at}: name a block such as N120, or a line such as 57")
+    if not is_forced and point.line not in {known["line"] for known in points}:
+        near = _nearest(points, point.line)
+        raise InputRejected(
+            f"line {point.line} is no restart point of the planner", path=program, remedy=f"{near}, or --force"
+        )
+    return _planned(data, point, tape)
+
+
+def confirm(plan: Plan, *, is_yes: bool) -> None:
+    """Show the preamble and ask; without a terminal only --yes lets it pass."""
+    where = f"line {plan.point.line}" + (f" (N{plan.point.block})" if plan.point.block is not None else "")
+    click.echo(f"dnc: restart at {where} with this preamble:", err=True)
+    for block in plan.point.preamble:
+        click.echo(f"  {printable(block)}", err=True)
+    if is_yes:
+        return
+    if not sys.stdin.isatty():
+        raise click.UsageError("a restart is confirmed at a terminal, or with --yes")
+    if not click.confirm("Send it?", default=False, err=True):
+        raise click.exceptions.Abort
+
+
+def refuse_findings(program: Path, profile: MachineProfile) -> None:
+    """--check: raise InputRejected if `dnc check` finds an error; nothing skips this."""
+    from dnc.check.run import check_program
+    from dnc.check.track import Limits
+
+    done = check_program(program, Limits(profile))
+    errors = [finding for finding in done.found.findings if finding.severity.value == "error"]
+    for finding in errors:
+        click.echo(f"dnc: {finding.sentence(program.name)}", err=True)
+    if done.found.has_errors:
+        raise InputRejected(
+            f"dnc check found {len(errors)} errors", path=program, remedy="mend them; --yes does not skip a check"
+        )
+
+
+def _sidecar(program: Path, data: bytes) -> dict[str, Any]:
+    path = program.with_name(program.name + ".json")
+    try:
+        sidecar = json.loads(path.read_text())
+    except (OSError, ValueError):
+        raise SettingsRejected(
+            "a restart needs the planner's sidecar (heights, restart points)",
+            path=path,
+            remedy="plan the program again, or send it from its start",
+        ) from None
+    if sidecar.get("sha256") != hashlib.sha256(data).hexdigest():
+        raise JournalMismatch(f"{path}: the sidecar belongs to another version of the program; plan it again")
+    assert isinstance(sidecar, dict)
+    return sidecar
+
+
+def _heights(sidecar: dict[str, Any]) -> Heights:
+    state = sidecar["state"]
+    return Heights(
+        safe_z_mm=state["safe_z_mm"],
+        clearance_z_mm=state["clearance_z_mm"],
+        plunge_mm_min=state["plunge_mm_min"],
+        dwell_s=state["spindle_dwell_s"],
+    )
+
+
+def _first_in_doubt(tape: Tape, profile: MachineProfile) -> int:
+    """The first line of this program that the last job on it may not have executed."""
+    sha = tape.program_sha256
+    jobs = [past for past in past_jobs(state_folder()) if sha in (past.values.get("program_sha256"), _restarted(past))]
+    if not jobs:
+        raise JournalMismatch("no job of exactly this program is on record; use --start-at, or send it from its start")
+    last = jobs[-1]
+    if last.outcome in ("SENT", "RUNNING"):
+        raise JournalMismatch(
+            f"the last job of this program ({last.job}) is {last.outcome}; there is nothing to resume"
+        )
+    if last.outcome == "INTERRUPTED":
+        doubt = in_doubt(tape, int(last.values.get("bytes_sent", 0)), 0, profile.control)
+        first = doubt.first if doubt else 1
+    else:
+        first = (last.values.get("in_doubt") or [1])[0]
+    restart = last.values.get("restart")
+    if isinstance(restart, dict):
+        return max(int(restart["line"]), first - int(restart["lines_before"]) + int(restart["line"]) - 1)
+    return int(first)
+
+
+def _restarted(past: PastJob) -> str | None:
+    restart = past.values.get("restart")
+    return restart.get("program_sha256") if isinstance(restart, dict) else None
+
+
+def _last_point_before(points: list[dict[str, Any]], line: int, program: Path) -> int:
+    before = [int(point["line"]) for point in points if point["line"] <= line]
+    if not before:
+        raise InputRejected(
+            f"line {line} is in doubt and no restart point lies before it",
+            path=program,
+            remedy="send it from its start",
+        )
+    return max(before)
+
+
+def _nearest(points: list[dict[str, Any]], line: int) -> str:
+    before = [point for point in points if point["line"] <= line]
+    if not before:
+        return "send it from its start"
+    point = max(before, key=lambda known: known["line"])
+    return f"use N{point['block']}" if point["block"] is not None else f"use line {point['line']}"
+
+
+def _planned(data: bytes, point: RestartPoint, tape: Tape) -> Plan:
+    """Header lines of the program, the preamble, the rest; with the program's own block ends."""
+    end = tape.block_end
+    head = [line for line in data[: point.offset_bytes].split(end)[:3] if line.startswith((b"%", b";$"))]
+    before = [*head, *(block.encode("ascii") for block in point.preamble)]
+    body = b"".join(line + end for line in before) + data[point.offset_bytes :]
+    return Plan(point, body, len(before), tape.program_sha256)
