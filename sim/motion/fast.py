@@ -18,6 +18,7 @@ _INNER_FIRST = (
     "is_safe",
     "landing",
     "landing_jerk",
+    "step_to",
     "lands",
     "plan_landing",
     "stop_jerk",

@@ -104,12 +104,13 @@ def is_safe(
     nodes: Array,
     accs: Array,
     jerks: Array,
+    tightening: float,
     dt: float,
 ) -> bool:
     """Whether every limit from s on can be kept by braking; node `last` counts as speed zero.
 
-    Braking to a node counts on the tightest limits before it. Where limits tighten much (a small rounding after a
-    long leg) and the speed can be steady by then, what lies beyond is judged anew from there, at that speed. A
+    Braking to a node counts on the tightest limits before it. Where limits tighten below the share `tightening` (a
+    small rounding after a long leg) and the speed can be steady by then, what lies beyond is judged from there. A
     braking ramp changes its jerk between two steps, which costs less than J dt^3 of way; the step that crosses into
     tighter limits is already bound by them.
     """
@@ -133,7 +134,7 @@ def is_safe(
             if need > ahead:
                 return False
         is_steady_by_then = ahead >= need and ahead >= ease_mm(v, a, 0.0, jerk)
-        if (next_acceleration < 0.5 * acceleration or next_jerk < 0.5 * jerk) and is_steady_by_then:
+        if is_steady_by_then and (next_acceleration < tightening * acceleration or next_jerk < tightening * jerk):
             s, v, a = ends[q], min(top, target), 0.0
             top = v
             acceleration, jerk = next_acceleration, next_jerk
@@ -167,37 +168,74 @@ def landing_jerk(alpha: float, beta: float, gamma: float, steps: int, left: int)
     return alpha + beta * x + gamma * (x * x - (steps * steps - 1.0) / 12.0)
 
 
+def step_to(
+    s: float,
+    v: float,
+    a: float,
+    j: float,
+    piece: int,
+    last: int,
+    ends: Array,
+    caps: Array,
+    knots: Array,
+    accs: Array,
+    jerks: Array,
+    stops: Indices,
+) -> int:
+    """The piece that holds s, if a step with jerk j from `piece` that ends at (s, v, a) breaks no limit; else -1."""
+    acceleration, jerk, top = accs[piece], jerks[piece], caps[piece]
+    while ends[piece] <= s:
+        if piece == last or stops[piece] != 0:
+            return -1
+        top = min(top, knots[piece], caps[piece + 1])
+        piece += 1
+        acceleration, jerk = min(acceleration, accs[piece]), min(jerk, jerks[piece])
+    if v > top * (1.0 + 1e-9) or v < -1e-9 or abs(a) > acceleration * (1.0 + 1e-9) or abs(j) > jerk * (1.0 + 1e-9):
+        return -1
+    return piece
+
+
 def lands(
     s: float,
     v: float,
     a: float,
-    ahead: float,
     steps: int,
     piece: int,
-    last: int,
+    stop: int,
     ends: Array,
-    speeds: Array,
+    caps: Array,
+    knots: Array,
     accs: Array,
     jerks: Array,
+    stops: Indices,
     dt: float,
 ) -> bool:
-    """Whether the landing in this many steps keeps speed >= 0 and every limit at every step."""
-    alpha, beta, gamma = landing(ahead, v, a, steps, dt)
+    """Whether the landing on the end of piece `stop` in this many steps breaks no limit at any step."""
+    alpha, beta, gamma = landing(ends[stop] - s, v, a, steps, dt)
     for left in range(steps, 0, -1):
         j = landing_jerk(alpha, beta, gamma, steps, left)
-        if abs(j) > jerks[piece]:
-            return False
         s += dt * (v + dt * (a / 2.0 + dt * j / 6.0))
         v += dt * (a + dt * j / 2.0)
         a += dt * j
-        piece = piece_at(s, piece, last, ends)
-        if abs(j) > jerks[piece] or v < -1e-9 or v > speeds[piece] * (1.0 + 1e-9) + 1e-9 or abs(a) > accs[piece]:
+        if left == 1:
+            s = np.nextafter(ends[stop], -math.inf)
+        piece = step_to(s, v, a, j, piece, stop, ends, caps, knots, accs, jerks, stops)
+        if piece < 0:
             return False
     return True
 
 
 def plan_landing(
-    state: Array, stop: int, ends: Array, speeds: Array, accs: Array, jerks: Array, dt: float, spare: int
+    state: Array,
+    stop: int,
+    ends: Array,
+    caps: Array,
+    knots: Array,
+    accs: Array,
+    jerks: Array,
+    stops: Indices,
+    dt: float,
+    spare: int,
 ) -> bool:
     """Begin a landing on the end of piece `stop` if one is possible now, and say whether it is."""
     s, v, a = state[S], state[V], state[A]
@@ -209,7 +247,7 @@ def plan_landing(
     ramp_s = 3.0 * ahead / v if a < 0.0 and v > 0.0 else (32.0 * ahead / jerk) ** (1.0 / 3.0)
     least = max(3, int(ramp_s / dt))
     for steps in range(least, least + spare):
-        if lands(s, v, a, ahead, steps, piece, stop, ends, speeds, accs, jerks, dt):
+        if lands(s, v, a, steps, piece, stop, ends, caps, knots, accs, jerks, stops, dt):
             alpha, beta, gamma = landing(ahead, v, a, steps, dt)
             state[LANDING_LEFT] = state[LANDING_STEPS] = steps
             state[ALPHA], state[BETA], state[GAMMA] = alpha, beta, gamma
@@ -256,16 +294,8 @@ def can_stop(
         a_next = a + j * dt
         v_next = v + dt * (a + a_next) / 2.0
         s += dt * (v + dt * (a / 2.0 + dt * j / 6.0))
-        acceleration, jerk, top = accs[piece], jerks[piece], caps[piece]
-        while ends[piece] <= s:
-            if piece == last or stops[piece] != 0:
-                return False
-            top = min(top, knots[piece], caps[piece + 1])
-            piece += 1
-            acceleration, jerk = min(acceleration, accs[piece]), min(jerk, jerks[piece])
-        if v_next > top * (1.0 + 1e-9) or abs(a_next) > acceleration * (1.0 + 1e-9):
-            return False
-        if abs(j) > jerk * (1.0 + 1e-9) or v_next < -1e-9:
+        piece = step_to(s, v_next, a_next, j, piece, last, ends, caps, knots, accs, jerks, stops)
+        if piece < 0:
             return False
         if v_next <= 1e-9:
             return abs(a_next) <= 1e-6 * accs[piece]
@@ -316,7 +346,9 @@ def choose_jerk(
         top = speeds[after]
         if is_slowing and top < v:
             speeds[after] = v
-        good = is_safe(s_next, v_next, a_next, after, last, ends, speeds, nodes, accs, jerks, dt)
+        good = is_safe(s_next, v_next, a_next, after, last, ends, speeds, nodes, accs, jerks, 0.5, dt) or is_safe(
+            s_next, v_next, a_next, after, last, ends, speeds, nodes, accs, jerks, 0.98, dt
+        )
         speeds[after] = top
         if good:
             best = trial
@@ -372,7 +404,7 @@ def run(
         is_landing = state[LANDING_LEFT] > 0
         may_land = is_stop and not (is_holding or is_landing)
         if may_land:
-            is_landing = plan_landing(state, stop, ends, speeds, accs, jerks, dt, 6 if state[V] > 0.0 else 60)
+            is_landing = plan_landing(state, stop, ends, caps, knots, accs, jerks, stops, dt, 6 if state[V] > 0.0 else 60)
         if is_landing:
             left = int(state[LANDING_LEFT])
             j = landing_jerk(state[ALPHA], state[BETA], state[GAMMA], int(state[LANDING_STEPS]), left)
