@@ -27,7 +27,7 @@ _TOUCH_MM = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Heights:
-    """How a restart comes down: heights in work coordinates, `retract_z_mm` in machine coordinates or None."""
+    """How a restart comes down: heights in the program's own frame, `retract_z_mm` in machine coordinates or None."""
 
     safe_z_mm: float
     clearance_z_mm: float
@@ -78,6 +78,18 @@ def restart_at_line(data: bytes, line: int, heights: Heights, settings: Settings
     raise InputRejected(f"the program has no line {line} that can be reached", remedy="name an earlier line")
 
 
+def clear_points(data: bytes, heights: Heights, settings: Settings | None = None) -> Iterator[RestartPoint]:
+    """Every block that begins with the tool called and standing at or above the clearance, where nothing is cut."""
+    used = settings or Settings()
+    for place in _places(data, settings):
+        state = place.state
+        if not state.tool or state.motion != "G0" or _obstacle(state) is not None:
+            continue
+        height_mm = mapping_of(state, used, is_suppressed=False).inverse_point(state.position_mm)[2]
+        if height_mm >= heights.clearance_z_mm - _TOUCH_MM:
+            yield _restart(data, place, heights, settings)
+
+
 def last_safe_line(data: bytes, line: int, settings: Settings | None = None) -> int | None:
     """The last line up to `line` at which a restart can be computed and the tool is not in a spline, or None."""
     safe: int | None = None
@@ -90,30 +102,28 @@ def last_safe_line(data: bytes, line: int, settings: Settings | None = None) -> 
 
 
 def modal_blocks(state: State) -> list[str] | None:
-    """Blocks that set a fresh control's modes, frames, tool table words and feed to this state; nothing moves.
+    """Blocks that set the modes, the offset and the frame of this state at a control in metric units; nothing moves.
 
-    None where the programmable frame is more than a shift. The motion code is not among them: it would act on the next
-    block.
+    The last two are work offset and frame. None where the frame is more than a shift, or where a unit other than the
+    millimetre is active, because the words before it would be read in it.
     """
-    if state.frame.matrix != IDENTITY:
+    if state.frame.matrix != IDENTITY or state.is_inch:
         return None
     codes = [state.plane, state.compensation, state.units, state.dimension, state.feed_type, state.path_mode]
     blocks = [" ".join([*codes, state.acceleration, state.feed_correction, state.corner])]
     if state.path_mode == "G641":
-        blocks.append(f"ADIS={_text(_programmed(state.rounding_distance_mm, state))}")
+        blocks.append(f"ADIS={_text(state.rounding_distance_mm)}")
     if state.contour_tolerance_mm is not None:
-        blocks.append(f"CTOL={_text(_programmed(state.contour_tolerance_mm, state))}")
+        blocks.append(f"CTOL={_text(state.contour_tolerance_mm)}")
     if state.feed_axes is not None:
         blocks.append(f"FGROUP({','.join('XYZ'[axis] for axis in state.feed_axes)})")
-    blocks.append(state.work_offset)
     shift = state.frame.shift
-    words = [f"{'XYZ'[axis]}{_text(_programmed(shift[axis], state))}" for axis in range(3) if shift[axis]]
-    blocks.append(" ".join(["TRANS", *words]))
-    return blocks
+    words = [_word("XYZ"[axis], shift[axis]) for axis in range(3) if shift[axis]]
+    return [*blocks, state.work_offset, " ".join(["TRANS", *words])]
 
 
 def resumed_interpreter(state: State, settings: Settings) -> Interpreter | None:
-    """A fresh interpreter in the same modal state and place, or None where the frame cannot be restored by blocks."""
+    """A fresh interpreter in the same modal state and place, or None where `modal_blocks` is."""
     blocks = modal_blocks(state)
     if blocks is None:
         return None
@@ -147,7 +157,7 @@ def _obstacle(state: State) -> str | None:
     if state.compensation != "G40":
         return f"{state.compensation} is active, and its contour depends on blocks before"
     if modal_blocks(state) is None:
-        return "a frame turns, scales or mirrors, which the preamble cannot restore"
+        return "inches are active, or a frame turns, scales or mirrors, which the preamble cannot restore"
     return None
 
 
@@ -156,27 +166,27 @@ def _preamble(state: State, heights: Heights, settings: Settings) -> Iterator[st
     modes = modal_blocks(state)
     assert modes is not None
     x, y, z = mapping_of(state, settings, is_suppressed=False).inverse_point(state.position_mm)
-    yield "G17 G40 G90 G94 G71 G60"
+    yield "G17 G40 G60 G71 G90 G94"
     if heights.retract_z_mm is not None:
         yield f"G0 SUPA Z{_text(heights.retract_z_mm)} D0"
-    yield f"T{state.tool} M6"
-    yield state.work_offset
-    yield modes[-1] if not state.is_inch else "G70 " + modes[-1]
+    if state.tool:
+        yield f"T{state.tool} M6" if settings.has_tool_changer else f"T{state.tool}"
+        if not settings.has_tool_changer:
+            yield "M0"
+    yield from modes[-2:]
     yield f"D{state.edge}"
-    lift = heights.clearance_z_mm
-    yield f"G0 Z{_text(_shifted(heights.safe_z_mm, state))}"
+    yield f"G0 {_word('Z', heights.safe_z_mm)}"
     yield from _spindle(state)
     if state.spindle_direction and heights.dwell_s > 0.0:
         yield f"G4 F{_text(heights.dwell_s)}"
-    yield f"G0 X{_text(_programmed(x, state))} Y{_text(_programmed(y, state))}"
+    yield f"G0 {_word('X', x)} {_word('Y', y)}"
     yield from _coolant(state)
-    clearance = _shifted(lift, state)
-    if z < clearance - _TOUCH_MM:
-        yield f"G0 Z{_text(clearance)}"
-        yield f"G1 G9 Z{_text(_programmed(z, state))} F{_text(_programmed(heights.plunge_mm_min, state))}"
+    if z < heights.clearance_z_mm - _TOUCH_MM:
+        yield f"G0 {_word('Z', heights.clearance_z_mm)}"
+        yield f"G1 G9 {_word('Z', z)} F{_text(heights.plunge_mm_min)}"
     else:
-        yield f"G0 Z{_text(_programmed(z, state))}"
-    yield from (block for block in modes[:-2])
+        yield f"G0 {_word('Z', z)}"
+    yield from modes[:-2]
     feed = f" F{_text(state.feed)}" if state.feed is not None else ""
     yield f"{state.motion}{feed}"
 
@@ -192,13 +202,8 @@ def _coolant(state: State) -> list[str]:
     return [code for code, is_on in (("M8", state.is_flood), ("M7", state.is_mist)) if is_on]
 
 
-def _programmed(value_mm: float, state: State) -> float:
-    return value_mm / 25.4 if state.is_inch else value_mm
-
-
-def _shifted(height_mm: float, state: State) -> float:
-    """A height of the work frame as the program's shifted frame counts it."""
-    return _programmed(height_mm, state)
+def _word(address: str, value_mm: float) -> str:
+    return f"{address}{_text(value_mm)}"
 
 
 def _text(value: float) -> str:

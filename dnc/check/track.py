@@ -69,6 +69,7 @@ class Track:
     end_line: int | None = None
     after_end_line: int | None = None
     has_moved: bool = False
+    is_inch: bool = False
     is_position_known: bool = False
     spindle_rpm: float = 0.0
     spindle_line: int | None = None
@@ -106,8 +107,15 @@ class Track:
         elif not self.header_kind:
             self.header_kind = "header" if block.header is not None else "comment"
 
+    def _see_units(self, block: Block) -> None:
+        for word in block.words:
+            code = code_of(word)
+            if code is not None and GROUP_OF.get(code) is ModalGroup.UNITS:
+                self.is_inch = is_inch(code)
+
     def _see_splines(self, block: Block) -> None:
         self.motion_code = motion_code_of(block) or self.motion_code
+        self._see_units(block)
         if self.motion_code != "BSPLINE":
             self.spline = SplineRun(0, 0, 0)
         elif any(word.address in _AXES for word in block.words):
@@ -156,6 +164,15 @@ class Track:
         if length_mm > 0.0:
             self.direction = end_direction(move)
         self.spindle_line = None
+
+
+def is_inch(code: str) -> bool:
+    """Whether a code of the unit group means inches.
+
+    >>> is_inch("G70"), is_inch("G710")
+    (True, False)
+    """
+    return code in ("G70", "G700")
 
 
 def motion_code_of(block: Block) -> str | None:

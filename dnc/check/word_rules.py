@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from dnc.check.finding import Finding, Severity
-from dnc.check.track import Track, motion_code_of
+from dnc.check.track import Track, is_inch, motion_code_of
 from planner.gcode import GROUP_OF, Block, ModalGroup, Word, code_of
 from planner.gcode.statement import Case, For, Jump, Mark, Marker, RepeatSection, Until, While
 
@@ -136,10 +136,10 @@ def empty_motion(block: Block, track: Track) -> Iterator[Finding]:
 
 
 def unit_switch(block: Block, track: Track) -> Iterator[Finding]:
-    """Inch and metric after the first move."""
+    """From inch to metric or back, after the first move."""
     for word in block.words:
         code = code_of(word)
-        if code and GROUP_OF.get(code) is ModalGroup.UNITS and track.has_moved:
+        if code and GROUP_OF.get(code) is ModalGroup.UNITS and track.has_moved and is_inch(code) != track.is_inch:
             yield Finding(
                 "unit-switch",
                 Severity.WARNING,

@@ -63,7 +63,7 @@ def test_a_clean_program_has_no_findings() -> None:
         ("G1 X10 F250\nG0 X20\n", []),
         ("G1 X10 Z2 F250\nG0 X20 Z1.5\n", [("rapid-z-and-xy", 2), ("rapid-below-clearance", 2)]),
         ("G1 X10 F250\nG0 Z10\nG0 X20 Z12\n", [("rapid-z-and-xy", 3)]),
-        ("G1 X10 F250\nG71\n", [("unit-switch", 2)]),
+        ("G1 X10 F250\nG71\nG70\n", [("unit-switch", 3), ("axis-limit", 4)]),
         ("G1 X10 F150\n", [("steep-plunge", 0)]),
         ("G1 X10 F250\nX2000\n", [("axis-limit", 2)]),
         ("N5 G1 X10 F250\nN5 X20\n", [("number-duplicate", 2)]),

@@ -1,0 +1,57 @@
+"""dnc split: parts of a program for a control that must hold it whole."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+
+@click.command(epilog="Example: dnc split part.mpf --bytes 30000 -o parts/ --job job.toml")
+@click.argument("program", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="folder for the parts")
+@click.option("--job", required=True, type=click.Path(path_type=Path), help="job file: heights, plunge feed, dwell")
+@click.option(
+    "--bytes", "most_bytes", type=click.IntRange(min=200), help="most bytes a part; default: the profile's buffer"
+)
+@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
+@click.option("--retract-z", type=float, help="machine height before tool change and at the end")
+@click.option("--json", "as_json", is_flag=True, help="the parts as JSON on stdout")
+def command(
+    program: Path, output: Path, job: Path, most_bytes: int | None, machine: str, retract_z: float | None, as_json: bool
+) -> int:
+    """Cut PROGRAM where the tool stands clear; each part restores tool, spindle, frames and modes, and ends itself."""
+    from dnc.check.run import lines_of
+    from dnc.planning import write_file
+    from dnc.profile import load_profile, profile_path
+    from dnc.restart import Heights
+    from dnc.split import split_program
+    from planner.errors import InputRejected
+    from planner.job import load_job
+
+    loaded = load_job(job)
+    operation = loaded.operation[0]
+    heights = Heights(
+        safe_z_mm=loaded.setup.safe_z_mm,
+        clearance_z_mm=loaded.setup.clearance_z_mm,
+        plunge_mm_min=operation.plunge_mm_min,
+        dwell_s=operation.spindle_dwell_s,
+        retract_z_mm=retract_z,
+    )
+    limit = most_bytes or load_profile(profile_path(machine)).control.receive_buffer_bytes
+    parts = split_program(b"".join(lines_of(program)), limit, heights)
+    if not output.is_dir():
+        raise InputRejected("is no folder", path=output, remedy="make it first")
+    names = [output / f"{program.stem}-{number}{program.suffix}" for number in range(1, len(parts) + 1)]
+    for name, part in zip(names, parts, strict=True):
+        write_file(name, part.data)
+    rows = [
+        {"file": name.name, "bytes": len(part.data), "first_line": part.first_line, "last_line": part.last_line}
+        for name, part in zip(names, parts, strict=True)
+    ]
+    if as_json:
+        click.echo(json.dumps({"schema": "dripmill.split", "version": 1, "parts": rows}, indent=1))
+    for row in () if as_json else rows:
+        click.echo(f"{row['file']}: {row['bytes']} bytes, lines {row['first_line']} to {row['last_line']}")
+    return 0

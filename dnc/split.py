@@ -1,0 +1,72 @@
+"""Cutting a program to the control's memory: parts that end where the tool stands clear, each complete in itself."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from dnc.errors import InputRejected
+from dnc.restart import Heights, RestartPoint, clear_points
+from sim.interpreter.settings import Settings
+
+_HEADER = re.compile(rb"^%_N_([A-Za-z0-9_]+)_(MPF|SPF)[ \t]*$")
+_KEPT_COMMENTS = (b";$PATH=", b";DRIPMILL ")
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One part: its bytes, and the lines of the whole program it holds (first and last, from 1)."""
+
+    data: bytes
+    first_line: int
+    last_line: int
+
+
+def split_program(data: bytes, most_bytes: int, heights: Heights, settings: Settings | None = None) -> list[Part]:
+    """Parts of at most `most_bytes` bytes; every part but the first begins with a preamble that restores its state.
+
+    Cuts lie before blocks that begin at or above the clearance height. Raises InputRejected where the blocks between
+    two such places do not fit.
+    """
+    last_line = data.count(b"\n") + (not data.endswith(b"\n"))
+    if len(data) <= most_bytes:
+        return [Part(data, 1, last_line)]
+    places = list(clear_points(data, heights, settings))
+    closing = _closing(heights)
+    parts: list[Part] = []
+    begin: RestartPoint | None = None
+    while True:
+        opening, body_at = _opening(data, begin, len(parts) + 1)
+        first_line = begin.line if begin else 1
+        if len(opening) + len(data) - body_at <= most_bytes:
+            return [*parts, Part(opening + data[body_at:], first_line, last_line)]
+        room = most_bytes - len(opening) - len(closing)
+        fitting = [place for place in places if body_at < place.offset_bytes <= body_at + room]
+        if not fitting:
+            raise InputRejected(
+                f"the blocks from line {first_line} on do not fit into {most_bytes} bytes up to the next clear place",
+                line=first_line,
+                remedy="allow larger parts, or plan with a coarser tolerance",
+            )
+        end = fitting[-1]
+        parts.append(Part(opening + data[body_at : end.offset_bytes] + closing, first_line, end.line - 1))
+        begin = end
+
+
+def _opening(data: bytes, begin: RestartPoint | None, number: int) -> tuple[bytes, int]:
+    """What stands before the blocks of a part, and where those begin in the program."""
+    head = data[:4096].splitlines()
+    found = _HEADER.match(head[0]) if head else None
+    header = [b"%%_N_%s_%d_%s" % (found[1], number, found[2])] if found else []
+    if begin is None:
+        return b"".join(line + b"\n" for line in header), data.index(b"\n") + 1 if found else 0
+    kept = [line for line in head if line.startswith(_KEPT_COMMENTS)]
+    preamble = [text.encode("ascii") for text in begin.preamble]
+    return b"".join(line + b"\n" for line in [*header, *kept, *preamble]), begin.offset_bytes
+
+
+def _closing(heights: Heights) -> bytes:
+    """How a part ends: up, coolant and spindle off, away, end."""
+    away = [f"G0 SUPA Z{heights.retract_z_mm:g} D0"] if heights.retract_z_mm is not None else []
+    blocks = ["G40 G90", f"G0 Z{heights.safe_z_mm:g}", "M9", "M5", *away, "M30"]
+    return "".join(f"{block}\n" for block in blocks).encode("ascii")

@@ -1,0 +1,162 @@
+"""Restarts: what the preamble restores, in which order, and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from dnc.errors import InputRejected
+from dnc.restart import Heights, modal_blocks, restart_at_line, restart_at_number, resumed_interpreter
+from planner.post.base import ControlLimits, write_program
+from sim.interpreter import canon
+from sim.interpreter.run import Interpreter, interpret
+from sim.interpreter.settings import Settings, Tool
+from tests.planner.post.paths import job, polyline, spline, tool_path
+
+HEIGHTS = Heights(safe_z_mm=50.0, clearance_z_mm=10.0, plunge_mm_min=100.0, dwell_s=2.0, retract_z_mm=400.0)
+HEAD = "G17 G40 G64 G71 G90 G94\nTRANS X1 Y2 Z3\nG55\nG0 Z50\nT2 M6\nD1\nS1000 M3\nG4 F2\nM8\nG0 X0 Y0\nZ10\n"
+
+
+def program(blocks: str = "poly") -> bytes:
+    made = job(blocks=blocks)
+    shapes = [polyline(1), polyline(2), polyline(3)] if blocks == "linear" else [spline(1), spline(2), spline(3)]
+    return write_program(made, made.operation[0], tool_path(shapes), ControlLimits(retract_z_mm=400.0)).data
+
+
+def cutting(commands: list[canon.Command]) -> list[canon.Command]:
+    return [one for one in commands if isinstance(one, (canon.Line, canon.Polynomial, canon.Arc))]
+
+
+def run_from(data: bytes, point, settings: Settings | None = None) -> tuple[list[canon.Command], int]:
+    """What a control does with the preamble and the rest, and how many commands the preamble gave."""
+    interpreter = Interpreter(settings or Settings(start_mm=(7.0, 7.0, 300.0)))
+    commands: list[canon.Command] = []
+    for number, text in enumerate(point.preamble, 1):
+        commands += interpreter.block(text.encode(), number)
+    before = len(commands)
+    for number, raw in enumerate(data[point.offset_bytes :].splitlines(), len(point.preamble) + 1):
+        commands += interpreter.block(raw, number)
+    return commands + interpreter.finish(), before
+
+
+def bare(command: canon.Command) -> canon.Command:
+    return dataclasses.replace(command, line=0, block=None)
+
+
+@pytest.mark.parametrize("blocks", ["poly", "linear"])
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_the_rest_cuts_the_same_from_every_pass_start(blocks: str, number: int) -> None:
+    """From N of a pass start the cuts equal those of the whole program from there on (6.8)."""
+    data = program(blocks)
+    point = restart_at_number(data, number, HEIGHTS)
+    whole = [bare(one) for one in cutting(list(interpret(data)))]
+    commands, before = run_from(data, point)
+    assert not [one for one in commands if isinstance(one, canon.Alarm)]
+    rest = [bare(one) for one in cutting(commands[before:])]
+    assert rest == whole[-len(rest) :]
+    assert len(rest) == len(whole) * (4 - number) // 3
+
+
+@pytest.mark.parametrize("blocks", ["poly", "linear"])
+def test_the_rest_cuts_the_same_from_inside_a_pass(blocks: str) -> None:
+    """Inside a pass the tool is fed straight down to where that block begins (6.8)."""
+    data = program(blocks)
+    lines = data.decode().splitlines()
+    line = next(index for index, text in enumerate(lines, 1) if text.startswith("N2")) + 3
+    point = restart_at_line(data, line, HEIGHTS)
+    commands, before = run_from(data, point)
+    rest = [bare(one) for one in cutting(commands[before:])]
+    whole = [bare(one) for one in cutting(list(interpret(data)))]
+    assert rest == whole[-len(rest) :]
+    first = cutting(commands[:before])
+    assert len(first) == 1
+    assert first[0].start[:2] == first[0].end[:2] == point.position_mm[:2]
+    assert first[0].end == pytest.approx(point.position_mm)
+    assert first[0].feed_mm_min == 100.0
+
+
+def test_order_is_z_tool_spindle_xy_coolant_plunge() -> None:
+    """Z before anything, X and Y only with tool, edge, offset and spindle restored (6.8)."""
+    data = program()
+    line = next(index for index, text in enumerate(data.decode().splitlines(), 1) if text.startswith("N2")) + 3
+    commands, before = run_from(data, restart_at_line(data, line, HEIGHTS))
+    kinds = [type(one).__name__ for one in commands[:before] if not isinstance(one, canon.SetPathMode)]
+    order = ["Rapid", "ChangeTool", "SelectEdge", "Rapid", "Spindle", "Dwell", "Rapid", "Coolant", "Rapid", "Line"]
+    wanted = iter(kinds)
+    assert all(any(kind == found for found in wanted) for kind in order), kinds
+    moves = [one for one in commands[:before] if isinstance(one, (canon.Rapid, canon.Line))]
+    assert moves[0].start[:2] == moves[0].end[:2]
+    for move in moves:
+        assert move.start[2] == move.end[2] or move.start[:2] == move.end[:2]
+
+
+def test_modes_frame_and_offset_are_those_before_the_block() -> None:
+    """Everything modal is as it was, the path mode included (6.8)."""
+    data = (HEAD + "G1 Z1 F100\nG642 CTOL=.02 SOFT\nX10 F250\nX20\nG0 Z50\nM30\n").encode()
+    line = len(HEAD.splitlines()) + 4
+    point = restart_at_line(data, line, HEIGHTS)
+    interpreter = Interpreter()
+    for text in point.preamble:
+        assert not [one for one in interpreter.block(text.encode(), 1) if isinstance(one, canon.Alarm)], text
+    original = Interpreter()
+    for number, raw in enumerate(data.splitlines()[: line - 1], 1):
+        original.block(raw, number)
+    now, then = interpreter.state, original.state
+    for field in dataclasses.fields(then):
+        if field.name in ("tangent", "message", "is_ended", "position_mm", "frame"):
+            continue
+        assert getattr(now, field.name) == getattr(then, field.name), field.name
+    assert now.position_mm == pytest.approx(then.position_mm)
+    assert now.frame.shift == then.frame.shift
+
+
+def test_an_offset_that_is_not_the_reference_is_respected() -> None:
+    """Position words count in the offset and frame that are active at the block (6.8)."""
+    settings = Settings(work_offsets_mm={"G54": (100.0, 0.0, 0.0), "G55": (0.0, 50.0, 7.0)}, start_mm=(0, 0, 300))
+    data = (HEAD + "G1 Z1 F100\nX10 F250\nX20\nG0 Z50\nM30\n").encode()
+    point = restart_at_line(data, len(HEAD.splitlines()) + 3, HEIGHTS, settings)
+    commands, before = run_from(data, point, settings)
+    rest, whole = cutting(commands[before:]), cutting(list(interpret(data, settings)))
+    assert [bare(one) for one in rest] == [bare(one) for one in whole[-1:]]
+
+
+@pytest.mark.parametrize(
+    ("middle", "words"),
+    [
+        ("BSPLINE X5 Z2 PL=0 F250\nX10 PL=1\nX15 PL=2\n@X20 PL=0\n", "BSPLINE is running"),
+        ("ROT RPL=30\nG1 X10 F250\n@X20\n", "turns, scales or mirrors"),
+        ("G1 X10 F250\nCT X15 Y5\n@X20 Y5\n", "CT takes its direction"),
+    ],
+)
+def test_places_that_cannot_be_restored_are_refused_with_a_better_one(middle: str, words: str) -> None:
+    """(6.8)"""
+    text = HEAD + "G1 Z1 F100\n" + middle
+    line = text.split("@")[0].count("\n") + 1
+    data = (text.replace("@", "") + "G0 Z50\nM30\n").encode()
+    settings = Settings(tools={2: Tool(4.0)})
+    with pytest.raises(InputRejected, match=words) as caught:
+        restart_at_line(data, line, HEIGHTS, settings)
+    assert "restart at line" in str(caught.value)
+
+
+def test_numbers_that_are_missing_or_stand_twice() -> None:
+    with pytest.raises(InputRejected, match="no block N99"):
+        restart_at_number(program(), 99, HEIGHTS)
+    with pytest.raises(InputRejected, match="N5 stands 2 times"):
+        restart_at_number(b"N5 G17\nN5 G90\nM30\n", 5, HEIGHTS)
+    with pytest.raises(InputRejected, match="no line 50"):
+        restart_at_line(b"G17\nM30\n", 50, HEIGHTS)
+
+
+def test_resumed_interpreter_goes_on_like_the_first() -> None:
+    """A fresh interpreter set to a state gives the same commands as one that came there (6.10)."""
+    head, tail = HEAD + "G1 Z1 F100\nG2 X10 CR=8 F250\n", "X20 CR=9\nG1 Z2\nG0 Z50\n"
+    first = Interpreter()
+    for number, text in enumerate(head.splitlines(), 1):
+        first.block(text.encode(), number)
+    second = resumed_interpreter(first.state, Settings())
+    assert second is not None
+    for number, text in enumerate(tail.splitlines(), 1):
+        assert second.block(text.encode(), number) == first.block(text.encode(), number)
+    assert modal_blocks(first.state) == modal_blocks(second.state)

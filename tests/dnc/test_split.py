@@ -1,0 +1,82 @@
+"""Parts of a program: size, completeness, the same cuts in the same order."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from dnc.check.run import Check
+from dnc.check.track import Limits
+from dnc.cli.split import command
+from dnc.errors import InputRejected
+from dnc.profile import load_profile
+from dnc.restart import Heights
+from dnc.shipped import shipped_path
+from dnc.split import split_program
+from planner.post.base import ControlLimits, write_program
+from planner.post.stamp import read_stamp
+from sim.interpreter import canon
+from sim.interpreter.run import interpret
+from tests.planner.post.paths import THESIS, job, spline, tool_path
+
+HEIGHTS = Heights(safe_z_mm=50.0, clearance_z_mm=10.0, plunge_mm_min=100.0, dwell_s=2.0, retract_z_mm=400.0)
+
+
+def program(blocks: str = "poly", count: int = 12) -> bytes:
+    made = job(blocks=blocks)
+    shapes = [spline(number, inner=2) for number in range(count)]
+    return write_program(made, made.operation[0], tool_path(shapes), ControlLimits(retract_z_mm=400.0)).data
+
+
+def cuts(data: bytes) -> list[canon.Command]:
+    found = list(interpret(data))
+    assert isinstance(found[-1], canon.End)
+    kinds = (canon.Line, canon.Polynomial)
+    return [dataclasses.replace(one, line=0, block=None) for one in found if isinstance(one, kinds)]
+
+
+@pytest.mark.parametrize("blocks", ["poly", "bspline"])
+@pytest.mark.parametrize("most_bytes", [900, 1100])
+def test_parts_cut_what_the_whole_cuts(blocks: str, most_bytes: int) -> None:
+    """Cut at pass ends to the control's memory, each part complete (6.8)."""
+    data = program(blocks)
+    parts = split_program(data, most_bytes, HEIGHTS)
+    assert len(parts) > 2
+    assert all(len(part.data) <= most_bytes for part in parts)
+    assert [cut for part in parts for cut in cuts(part.data)] == cuts(data)
+    assert [part.first_line for part in parts[1:]] == [part.last_line + 1 for part in parts[:-1]]
+
+
+def test_every_part_is_clean_stamped_and_named() -> None:
+    """A part passes the check by itself and keeps the stamp (6.8, 6.10)."""
+    for number, part in enumerate(split_program(program(), 1200, HEIGHTS), 1):
+        assert part.data.startswith(b"%%_N_5000_%d_MPF\n" % number)
+        stamp = read_stamp(part.data)
+        assert stamp is not None
+        assert stamp.reference == "tip"
+        check = Check(Limits(load_profile(shipped_path("machines", "sinumerik-840d")), clearance_z_mm=10.0))
+        for line, raw in enumerate(part.data.splitlines(keepends=True), 1):
+            check.line(raw, line)
+        assert check.finish().findings == []
+
+
+def test_what_fits_stays_whole() -> None:
+    data = program(count=2)
+    assert [part.data for part in split_program(data, len(data), HEIGHTS)] == [data]
+
+
+def test_a_pass_too_long_is_refused() -> None:
+    with pytest.raises(InputRejected, match="do not fit into 300 bytes"):
+        split_program(program(), 300, HEIGHTS)
+
+
+def test_command_writes_the_parts(tmp_path: Path) -> None:
+    path = tmp_path / "part.mpf"
+    path.write_bytes(program())
+    arguments = [str(path), "-o", str(tmp_path), "--job", str(THESIS), "--bytes", "1000"]
+    shown = CliRunner().invoke(command, arguments, standalone_mode=False)
+    assert shown.return_value == 0, shown.output
+    assert len(list(tmp_path.glob("part-*.mpf"))) == len(shown.output.splitlines()) > 2
