@@ -49,6 +49,7 @@ def _work(wire: Wire, setup: Setup) -> None:
     log = None if setup.motion is None else MotionLog(setup.motion)
     mill = LiveMill(setup.profile, setup.faults, log.add if log is not None else lambda _: None)
     modbus = _serve_modbus(setup)
+    modbus.show(mill.panel())
     try:
         wire.send(Ready(f"{modbus.host}:{modbus.port}"))
         gc.collect()

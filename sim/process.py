@@ -47,25 +47,22 @@ def run_mill(setup: Setup, wishes: Wishes, announce: Callable[[dict[str, Any]], 
 
     `announce` is given one value when the mill is ready. Raises SettingsRejected or InputRejected with one sentence.
     """
-    if wishes.report is not None and not wishes.report.absolute().parent.is_dir():
-        raise SettingsRejected(f"--report {wishes.report}: there is no such folder", remedy="make it first")
-    with _signals() as stop, _child(setup) as (child, wire):
+    for name, path in (("--report", wishes.report), ("--motion", setup.motion)):
+        if path is not None and not path.absolute().parent.is_dir():
+            raise SettingsRejected(f"{name} {path}: there is no such folder", remedy="make it first")
+    with _signals() as stop, contextlib.closing(Pty(wishes.link)) as pty, _child(setup) as (child, wire):
         ready = _wait_for(wire, child, Ready, _START_S, stop.fd)
         if ready is None:
             return stop.exit_code()
-        pty = Pty(wishes.link)
-        try:
-            uart = Uart(setup.profile, setup.faults, wishes.seed)
-            begun_s = time.monotonic()
-            line = LineProcess(pty, uart, wire, MachineClock(setup.speed, begun_s), Patience())
-            wire.send(Start(begun_s))
-            announce(_announcement(setup, wishes, pty, ready))
-            is_over = line.run(stop.fd)
-            report = line.report()
-            wire.send(Finish())
-            result = _wait_for(wire, child, Result, _RESULT_S, None)
-        finally:
-            pty.close()
+        uart = Uart(setup.profile, setup.faults, wishes.seed)
+        begun_s = time.monotonic()
+        line = LineProcess(pty, uart, wire, MachineClock(setup.speed, begun_s), Patience())
+        wire.send(Start(begun_s))
+        announce(_announcement(setup, wishes, pty, ready))
+        is_over = line.run(stop.fd)
+        report = line.report()
+        wire.send(Finish())
+        result = _wait_for(wire, child, Result, _RESULT_S, None)
         if wishes.report is not None and result is not None:
             _write(wishes.report, {**_heading(setup, wishes), **report, **result.report})
         return int(ExitCode.OK) if is_over else stop.exit_code()

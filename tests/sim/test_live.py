@@ -1,0 +1,269 @@
+"""The control and its machine, joined to their serial interface in memory, on a clock of the test's own."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+
+import pytest
+
+from sim.control import TABLE, Control, Execution, Happening
+from sim.faults import parse_faults
+from sim.live import EMERGENCY_STOP_ALARM, OVERRUN_ALARM, LiveMill
+from sim.messages import Completed, Heard
+from sim.motion.machine import Samples
+from sim.profile import AxisLimits, MillProfile
+from sim.uart import Uart
+
+AXIS = AxisLimits(-500.0, 500.0, 300.0, 2000.0, 20000.0)
+PROFILE = MillProfile(
+    baud=9600, format="8N1", xon=0x11, xoff=0x13, dialect="sinumerik", knot_rule="nx", resolution_mm=0.001,
+    tool_length_reference="tip", receive_buffer_bytes=256, xoff_free_bytes=64, xon_fill_bytes=64, block_cycle_s=0.004,
+    lookahead_blocks=4, axes=(AXIS, AXIS, AXIS),
+)  # fmt: skip
+HEAD = b"%_N_TEST_MPF\nN10 G90 G64 F3000\n"
+MOVES = b"".join(b"N%d G1 X%d Y1 Z500\n" % (20 + step, step % 2 * 10) for step in range(40))
+PROGRAM = HEAD + MOVES + b"N90 M30\n%\n"
+
+
+@dataclass
+class Cable:
+    """A host that obeys DC1 and DC3 at once, the interface, the control; `heard` is what the host heard."""
+
+    program: bytes
+    faults: tuple[str, ...] = ()
+    is_deaf: bool = False
+    profile: MillProfile = PROFILE
+    heard: bytes = b""
+    executions: list[Execution] = field(default_factory=list)
+    samples: list[Samples] = field(default_factory=list)
+    is_completed: bool = False
+
+    def __post_init__(self) -> None:
+        faults = parse_faults(self.faults)
+        self.uart = Uart(self.profile, faults, seed=1)
+        self.mill = LiveMill(self.profile, faults, self.samples.append)
+        self.now_s = 0.0
+        self.is_held = faults.start.value != "immediate"
+
+    def run(self, for_s: float) -> Cable:
+        end_s = self.now_s + for_s
+        while self.now_s < end_s and not self.is_completed:
+            self.now_s += 0.004
+            self._host()
+            receiver = self.uart.receiver
+            self.mill.hear(Heard(self.uart.fetch(), receiver.received_bytes, receiver.overrun_bytes))
+            for order in self.mill.advance(self.now_s):
+                self.uart.obey(order, self.now_s)
+                self.is_completed |= isinstance(order, Completed)
+            if not self.executions or self.executions[-1] is not self.mill.control.execution:
+                self.executions.append(self.mill.control.execution)
+        return self
+
+    def _host(self) -> None:
+        said = self.uart.to_host(self.now_s)
+        self.heard += said
+        for byte in said if not self.is_deaf else b"":
+            self.is_held = {0x13: True, 0x11: False}.get(byte, self.is_held)
+        if not self.is_held:
+            size = min(4, self.uart.room_bytes)
+            self.uart.host_wrote(self.program[:size], self.now_s)
+            self.program = self.program[size:]
+
+    @property
+    def names(self) -> list[str]:
+        return [execution.name for execution in self.executions]
+
+
+def alarm_numbers(cable: Cable) -> list[int]:
+    return [alarm.number for _, alarm in cable.mill.alarms]
+
+
+def test_a_program_runs_through_a_small_buffer() -> None:
+    """(1.4)"""
+    cable = Cable(PROGRAM).run(60.0)
+    assert cable.names == ["ACTIVE", "PROGRAM_COMPLETED"]
+    assert cable.mill.blocks == 43
+    assert cable.uart.receiver.overrun_bytes == 0
+    assert cable.heard.count(b"\x13") == cable.heard.count(b"\x11") > 2
+    assert cable.mill.machine.snapshot().position_mm == (10.0, 1.0, 500.0)
+    panel = cable.mill.panel()
+    assert panel is not None
+    assert panel.program == "TEST_MPF"
+
+
+def test_the_same_program_and_seed_give_the_same_log() -> None:
+    """(5.8)"""
+
+    def log(seed_fault: str) -> tuple[bytes, list[float], list[tuple[float, str]]]:
+        cable = Cable(PROGRAM, (seed_fault, "stop-answer=0.5", "feed-hold=200b+0.3")).run(60.0)
+        history = [(at_s, happening.name) for at_s, happening, _ in cable.mill.control.history]
+        return cable.heard, [float(t) for samples in cable.samples for t in samples.t_s], history
+
+    assert log("noise=20") == log("noise=20")
+
+
+def test_a_host_that_does_not_listen_overruns_and_the_control_alarms() -> None:
+    """(1.4, 5.8, L3)"""
+    cable = Cable(PROGRAM, is_deaf=True).run(10.0)
+    assert cable.uart.receiver.overrun_bytes > 0
+    assert alarm_numbers(cable) == [OVERRUN_ALARM]
+    assert cable.names[-1] == "STOPPED"
+    assert b"\x13\x15" in cable.heard
+
+
+def test_a_lost_dc3_overruns() -> None:
+    """(5.8, L3)"""
+    cable = Cable(PROGRAM, ("lose-xoff=1",)).run(10.0)
+    assert alarm_numbers(cable) == [OVERRUN_ALARM]
+
+
+def test_a_lost_dc1_starves_the_machine_for_ever() -> None:
+    """(5.8, L2)"""
+    cable = Cable(PROGRAM, ("lose-xon=1",)).run(20.0)
+    assert cable.names == ["ACTIVE"]
+    assert cable.mill.machine.snapshot().is_starved
+
+
+def test_a_block_the_control_does_not_know_alarms_with_dc3_and_nak() -> None:
+    """(5.8, C2)"""
+    cable = Cable(HEAD + b"N20 G1 X10\nN30 G777 X3\nN40 G1 X99\nM30\n").run(10.0)
+    ((_, alarm),) = cable.mill.alarms
+    assert (alarm.line, alarm.block) == (4, 30)
+    assert cable.names[-1] == "STOPPED"
+    assert cable.heard[-2:] == b"\x13\x15"
+    assert cable.mill.machine.snapshot().position_mm[0] == 10.0
+
+
+def test_reset_breaks_off_with_dc3_and_syn() -> None:
+    """(5.8, C1)"""
+    cable = Cable(PROGRAM, ("reset=300b",)).run(20.0)
+    assert cable.names == ["ACTIVE", "STOPPED"]
+    assert b"\x13\x16" in cable.heard
+    assert not cable.mill.machine.snapshot().is_moving
+    taken = cable.mill.blocks
+    assert cable.run(5.0).mill.blocks == taken
+
+
+def test_emergency_stop_alarms_and_shows() -> None:
+    """(5.8, C2)"""
+    cable = Cable(PROGRAM, ("alarm=1.0",)).run(5.0)
+    assert alarm_numbers(cable) == [EMERGENCY_STOP_ALARM]
+    panel = cable.mill.panel()
+    assert panel is not None
+    assert panel.is_emergency_stop
+    assert (panel.execution, panel.alarm_number) == (Execution.STOPPED, EMERGENCY_STOP_ALARM)
+
+
+def test_power_cycle_is_silent_and_comes_back_with_dc1_but_does_not_go_on() -> None:
+    """(5.8, C9)"""
+    cable = Cable(PROGRAM, ("power-cycle=1.0+2.0",)).run(2.0)
+    assert cable.names[-1] == "UNAVAILABLE"
+    assert cable.mill.panel() is None
+    cable.program = b""
+    cable.run(3.0)
+    assert cable.names[-1] == "READY"
+    assert cable.heard[-1:] == b"\x11"
+    blocks = cable.mill.blocks
+    assert cable.run(5.0).mill.blocks == blocks
+
+
+def test_feed_hold_stands_and_goes_on() -> None:
+    """(5.8, C7)"""
+    cable = Cable(PROGRAM, ("feed-hold=300b+3",)).run(60.0)
+    assert cable.names == ["ACTIVE", "FEED_HOLD", "ACTIVE", "PROGRAM_COMPLETED"]
+    held = [one.duration_s for one in cable.mill.machine.stands if one.reason.name == "FEED_HOLD"]
+    assert held == [pytest.approx(3.0, abs=0.3)]
+
+
+def test_m0_waits_for_the_operator() -> None:
+    """(5.8, C6)"""
+    cable = Cable(HEAD + b"N20 G1 X10\nN30 M0\nN40 G1 X20\nM30\n", ("stop-answer=2",)).run(30.0)
+    assert cable.names == ["ACTIVE", "PROGRAM_STOPPED", "ACTIVE", "PROGRAM_COMPLETED"]
+
+
+@pytest.mark.parametrize(("switch", "stops"), [("yes", True), ("no", False)])
+def test_m1_waits_only_with_its_switch(switch: str, stops: bool) -> None:
+    """(5.8)"""
+    cable = Cable(HEAD + b"N20 G1 X10\nN30 M1\nN40 G1 X20\nM30\n", (f"optional-stop={switch}",)).run(30.0)
+    assert ("OPTIONAL_STOP" in cable.names) is stops
+    assert cable.is_completed
+
+
+def test_single_block_stops_after_every_block_until_it_ends() -> None:
+    """(5.8)"""
+    cable = Cable(PROGRAM, ("single-block=0.5+4", "stop-answer=0.2")).run(60.0)
+    assert cable.names.count("INTERRUPTED") > 3
+    assert cable.is_completed
+
+
+def test_override_slows_the_machine() -> None:
+    """(5.8)"""
+    slow = Cable(PROGRAM, ("override=20",)).run(200.0)
+    fast = Cable(PROGRAM).run(200.0)
+    assert slow.now_s > 2 * fast.now_s
+
+
+def test_slow_drain_starves_the_machine() -> None:
+    """(5.8, C8)"""
+    cable = Cable(PROGRAM, ("slow-drain=200",)).run(200.0)
+    assert cable.is_completed
+    assert sum(one.duration_s for one in cable.mill.machine.starved) > 1.0
+
+
+def test_m30_may_leave_the_trailer_unread() -> None:
+    """(5.8, C5)"""
+    cable = Cable(PROGRAM + bytes(300), ("end-stops-reading=yes",))
+    cable.run(60.0)
+    assert cable.is_completed
+    cable.is_completed = False
+    cable.run(2.0)
+    assert cable.is_held
+    assert cable.program != b""
+    reading = Cable(PROGRAM + bytes(300)).run(60.0)
+    reading.is_completed = False
+    assert reading.run(2.0).program == b""
+
+
+def test_start_by_dc1_after_cycle_start() -> None:
+    """(5.8, C3)"""
+    cable = Cable(PROGRAM, ("start=xon", "cycle-start=1.5"))
+    cable.run(1.4)
+    assert (cable.names, cable.heard) == (["READY"], b"")
+    assert cable.run(60.0).is_completed
+
+
+def test_nothing_is_taken_before_cycle_start() -> None:
+    """(5.8)"""
+    cable = Cable(PROGRAM, ("cycle-start=2",)).run(1.9)
+    assert cable.mill.blocks == 0
+    assert cable.uart.receiver.is_held
+
+
+def test_a_gap_in_the_line_is_starvation_with_its_place() -> None:
+    """(1.4, 7.4)"""
+    slow = dataclasses.replace(PROFILE, baud=300)
+    cable = Cable(PROGRAM, profile=slow).run(200.0)
+    starved = cable.mill.machine.starved
+    assert starved
+    assert all(one.block is not None for one in starved)
+
+
+def test_the_table_knows_every_state_and_only_power_leaves_unavailable() -> None:
+    """(5.8)"""
+    assert {state for state, _ in TABLE} == set(Execution)
+    assert [happening for state, happening in TABLE if state is Execution.UNAVAILABLE] == [Happening.POWER_ON]
+
+
+def test_cycle_start_is_refused_while_an_alarm_stands() -> None:
+    """(5.8)"""
+    control = Control()
+    assert control.happens(Happening.CYCLE_START, 0.0)
+    assert not control.happens(Happening.CYCLE_START, 0.1)
+    assert control.raise_alarm(12470)
+    assert not control.raise_alarm(1)
+    assert control.happens(Happening.ALARM, 0.2)
+    assert not control.happens(Happening.CYCLE_START, 0.3)
+    assert control.happens(Happening.RESET, 0.4)
+    assert control.alarm_number == 0
+    assert control.happens(Happening.CYCLE_START, 0.5)
