@@ -1,0 +1,102 @@
+"""Programs from the control: where they end, what they are called, how they are stored (5.4)."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import pty
+import subprocess
+import sys
+import tty
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dnc.punch_in import End, PunchIn, Received, program_name
+from dnc.receiving import put_away
+
+
+def fed(data: bytes, *, seven: bool = False) -> list[Received]:
+    punch_in = PunchIn(5.0, 10_000, is_seven_bit=seven)
+    return [*punch_in.hear(data, 0.0), *punch_in.tick(10.0)]
+
+
+@pytest.mark.parametrize(
+    ("data", "programs"),
+    [
+        (b"\x12G0\nM30\n\x14", [(b"G0\nM30\n", End.CODE)]),
+        (b"\0" * 50 + b"%\nO1\nM30\n%\n", [(b"%\nO1\nM30\n%\n", End.PERCENT)]),
+        (b"%\nO1\nM30\n%\n%\nO2\nM30\n%\n", [(b"%\nO1\nM30\n%\n", End.PERCENT), (b"%\nO2\nM30\n%\n", End.PERCENT)]),
+        (b"%_N_A_MPF\nG0\nM30\n", [(b"%_N_A_MPF\nG0\nM30\n", End.SILENCE)]),
+        (b"G0\n\x03\x04", [(b"G0\n", End.CODE)]),
+        (b"\x11\x13\x11\0\0", []),
+    ],
+)
+def test_where_a_program_ends(data: bytes, programs: list[tuple[bytes, End]]) -> None:
+    assert [(one.data, one.end) for one in fed(data)] == programs
+
+
+@given(cuts=st.lists(st.integers(0, 40), max_size=10))
+def test_pieces_make_no_difference(cuts: list[int]) -> None:
+    data = b"\0\x12%\nO77\nG0 X1\nM30\n%\n\x14\0%\nO78\nM30\n%\n"
+    punch_in = PunchIn(5.0, 10_000)
+    edges = [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
+    got = [one for a, b in itertools.pairwise(edges) for one in punch_in.hear(data[a:b], 0.0)]
+    assert [one.name for one in got] == ["O77", "O78"]
+
+
+@given(data=st.binary(max_size=400))
+def test_any_bytes_give_safe_names_and_no_codes(data: bytes) -> None:
+    """(fault C12) Whatever the control says is stored, never obeyed, under a name that is safe."""
+    for one in fed(data):
+        assert one.name
+        assert all(char.isalnum() or char in "_.-" for char in one.name)
+        assert not set(one.data) & {0, 0x11, 0x12, 0x13, 0x14, 3, 4}
+
+
+def test_size_limit_and_parity() -> None:
+    assert fed(b"X" * 25_000)[0].end is End.FULL
+    even = bytes(code | (code.bit_count() & 1) << 7 for code in b"\x12%\nO9\nM30\n%\n\x14")
+    assert [one.data for one in fed(even, seven=True)] == [b"%\nO9\nM30\n%\n"]
+
+
+@pytest.mark.parametrize(
+    ("head", "name"),
+    [
+        (b"%_N_WAVE_1_SPF\n", "WAVE_1.SPF"),
+        (b"%\n:0815\n", "O0815"),
+        (b"$PART.MIN%\n", "PART.MIN"),
+        (b"../../x\n", "program"),
+    ],
+)
+def test_names(head: bytes, name: str) -> None:
+    assert program_name(head + b"M30\n") == name
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    """An equal program is left alone; another of the same name gets a number."""
+    first = put_away(Received("A.MPF", b"one", End.CODE), tmp_path)
+    again = put_away(Received("A.MPF", b"one", End.CODE), tmp_path)
+    other = put_away(Received("A.MPF", b"two", End.CODE), tmp_path)
+    assert (first.is_new, again.is_new, other.path.name) == (True, False, "A-2.MPF")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["A-2.MPF", "A.MPF"]
+
+
+@pytest.mark.system
+def test_the_command(tmp_path: Path) -> None:
+    """`dnc receive` on a pty: told by XON to begin, two programs, exit 0, JSON."""
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    words = ["receive", "--port", os.ttyname(slave), "-o", str(tmp_path), "--count", "2", "--json", "--send-xon"]
+    child = subprocess.Popen([sys.executable, "-m", "dnc", *words], stdout=subprocess.PIPE, text=True)
+    assert os.read(master, 1) == b"\x11"
+    os.write(master, b"\x12%\nO1\nM30\n%\n\x14\x12%\nO2\nM30\n%\n\x14")
+    out, _ = child.communicate(timeout=20)
+    assert child.returncode == 0
+    assert [Path(one["path"]).name for one in json.loads(out)["programs"]] == ["O1", "O2"]
+    assert (tmp_path / "O2").read_bytes() == b"%\nO2\nM30\n%\n"
+    os.close(slave)
+    os.close(master)

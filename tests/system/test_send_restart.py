@@ -1,0 +1,147 @@
+"""Restart and resume by computed preamble, and the check before sending (5.7, 6.8; faults O4, H9)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.helpers.line import PeerProcess, SendProcess
+from tests.system.test_send import wait_for_state
+
+pytestmark = pytest.mark.system
+HEAD = ["%_N_PART_MPF", ";CONTROL=sinumerik-840d REFERENCE=tip", "G17 G40 G64 G71 G90 G94", "G54", "T2 M6", "D1"]
+HEAD += ["G0 Z50", "S1000 M3", "G4 F2", "M8"]
+
+
+def planned(folder: Path, passes: int = 20) -> Path:
+    """A program as the planner writes them, with its sidecar; block N of pass k is N k."""
+    lines, points = list(HEAD), []
+    for number in range(1, passes + 1):
+        points.append({"pass": number, "block": number, "line": len(lines) + 1})
+        lines += [f"N{number} G0 X0 Y{number}", "G0 Z10", "G1 G9 Z-1 F100"]
+        lines += [f"G1 X{x}.5 F250" for x in range(10)] + ["G0 Z10"]
+    data = ("\n".join([*lines, "G0 Z50", "M9", "M5", "M30"]) + "\n").encode()
+    path = folder / "part.mpf"
+    path.write_bytes(data)
+    state = {"safe_z_mm": 50.0, "clearance_z_mm": 10.0, "plunge_mm_min": 100.0, "spindle_dwell_s": 2.0}
+    sidecar = {"sha256": hashlib.sha256(data).hexdigest(), "state": state, "restart_points": points}
+    (folder / "part.mpf.json").write_text(json.dumps(sidecar))
+    return path
+
+
+def test_start_at_a_pass(tmp_path: Path) -> None:
+    """(6.8) Header, preamble with Z first and spindle before XY, then exactly the rest of the program."""
+    program, record = planned(tmp_path), tmp_path / "heard"
+    with (
+        PeerProcess(baud=115200, quiet_s=0.5, record=record) as peer,
+        SendProcess(tmp_path, program, peer.pty, "--baud=115200", "--start-at", "N15", "--yes") as sending,
+    ):
+        code, words = sending.finish()
+        assert code == 0, words
+        peer.report()
+    heard, whole = record.read_bytes(), program.read_bytes()
+    rest = whole[whole.index(b"N15 ") :]
+    assert heard.startswith(b"%_N_PART_MPF\n")
+    assert heard.endswith(rest)
+    preamble = heard[: -len(rest)].decode().split("\n")
+    assert "T2 M6" in preamble
+    up = next(index for index, block in enumerate(preamble) if block.startswith("G0 Z50"))
+    turn = next(index for index, block in enumerate(preamble) if "M3" in block)
+    across = next(index for index, block in enumerate(preamble) if block.startswith("G0 X"))
+    assert up < across
+    assert turn < across
+    assert "preamble" in words
+    restart = sending.report()["restart"]
+    assert isinstance(restart, dict)
+    assert (restart["block"], restart["program_sha256"]) == (15, hashlib.sha256(whole).hexdigest())
+
+
+def test_a_restart_is_asked_for(tmp_path: Path) -> None:
+    """Without a terminal and without --yes nothing is sent."""
+    with PeerProcess() as peer, SendProcess(tmp_path, planned(tmp_path), peer.pty, "--start-at", "N3") as sending:
+        code, words = sending.finish()
+        assert peer.stop()["bytes_received"] == 0
+    assert code == 2
+    assert "--yes" in words
+
+
+def test_only_the_planners_points_unless_forced(tmp_path: Path) -> None:
+    """(fault O4)"""
+    program = planned(tmp_path)
+    line = str(len(HEAD) + 14 * 4 + 8)
+    with PeerProcess() as peer:
+        with SendProcess(tmp_path, program, peer.pty, "--start-at", line, "--yes") as sending:
+            code, words = sending.finish()
+        assert (code, "use N5" in words) == (3, True)
+        assert peer.stop()["bytes_received"] == 0
+    with (
+        PeerProcess(baud=115200, quiet_s=0.5) as peer,
+        SendProcess(tmp_path, program, peer.pty, "--baud=115200", "--start-at", line, "--yes", "--force") as sending,
+    ):
+        assert sending.finish()[0] == 0
+
+
+@pytest.mark.parametrize(("where", "code"), [("N999", 3), ("here", 2)])
+def test_no_such_block(tmp_path: Path, where: str, code: int) -> None:
+    with PeerProcess() as peer, SendProcess(tmp_path, planned(tmp_path), peer.pty, "--start-at", where) as sending:
+        found, words = sending.finish()
+    assert found == code
+    assert "Traceback" not in words
+
+
+def test_resume_where_an_aborted_job_was_in_doubt(tmp_path: Path) -> None:
+    """(5.7) After a reset of the control: the last restart point before everything in doubt."""
+    program = planned(tmp_path, passes=40)
+    machine = tmp_path / "small.toml"
+    text = (Path(__file__).parents[2] / "configs/machines/sinumerik-840d.toml").read_text()
+    for key, value in [("receive_buffer_bytes", 500), ("xon_fill_bytes", 200), ("lookahead_blocks", 5)]:
+        old = next(line for line in text.splitlines() if line.startswith(key))
+        text = text.replace(old, f"{key} = {value}")
+    machine.write_text(text)
+    options = ("--machine", str(machine), "--baud=19200")
+    with PeerProcess(baud=19200, quiet_s=0) as peer:
+        with SendProcess(tmp_path, program, peer.pty, *options) as sending:
+            wait_for_state(tmp_path, "SENDING", sent=3000)
+            sending.child.send_signal(signal.SIGINT)
+            assert sending.finish()[0] == 7
+            doubt = sending.report()["in_doubt"]
+        assert isinstance(doubt, list)
+        with SendProcess(tmp_path, program, peer.pty, *options, "--resume", "--yes") as again:
+            code, words = again.finish()
+            if sending.report()["is_block_cut"]:
+                assert (code, "--control-was-reset" in words) == (9, True)
+        extra = ("--resume", "--yes", "--control-was-reset")
+        with SendProcess(tmp_path, program, peer.pty, *options, *extra) as resumed:
+            assert resumed.finish()[0] == 0
+            restart = resumed.report()["restart"]
+    assert isinstance(restart, dict)
+    assert restart["line"] <= doubt[0] < restart["line"] + 14
+
+
+def test_another_program_cannot_be_resumed(tmp_path: Path) -> None:
+    """(fault H9) Changed program, or none sent before: exit 9."""
+    program = planned(tmp_path)
+    with PeerProcess(quiet_s=0) as peer:
+        with SendProcess(tmp_path, program, peer.pty, "--resume", "--yes") as sending:
+            assert sending.finish()[0] == 9
+        program.write_bytes(program.read_bytes().replace(b"F250", b"F251"))
+        with SendProcess(tmp_path, program, peer.pty, "--resume", "--yes") as sending:
+            code, words = sending.finish()
+        assert code == 9
+        assert "another version" in words
+        assert peer.stop()["bytes_received"] == 0
+
+
+def test_check_first_stops_a_bad_program(tmp_path: Path) -> None:
+    """Errors of the check stop the job; --yes does not skip them."""
+    program = tmp_path / "bad.mpf"
+    program.write_bytes(b"G90 G1 X10 Y10\nG2 X20 Y0 I1 J77 F100\nQQQ7\nM30\n")
+    with PeerProcess() as peer, SendProcess(tmp_path, program, peer.pty, "--check", "--yes") as sending:
+        code, words = sending.finish()
+        assert peer.stop()["bytes_received"] == 0
+    assert code == 3
+    assert "--yes does not skip" in words
