@@ -5,11 +5,11 @@ Group numbers and members follow the list of G functions of the SINUMERIK 840D p
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import IntEnum
 from types import MappingProxyType
 
 
-class ModalGroup(Enum):
+class ModalGroup(IntEnum):
     """A group of codes, with its number on the control."""
 
     MOTION = 1

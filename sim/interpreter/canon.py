@@ -7,8 +7,12 @@ the ball's centre where the program says so. Feeds mm/min, times s, angles rad.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
 
 Vector = tuple[float, float, float]
 
@@ -36,6 +40,33 @@ class Line(Command):
     start: Vector
     end: Vector
     feed_mm_min: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineRun:
+    """Many straight cuts in a row, the compact form of as many Line commands; `expand` gives those.
+
+    `lines` (n,) and `blocks` (n,) are physical lines and block numbers (-1 for none), `start` the first start,
+    `ends` (n, 3) mm, `feeds` (n,) mm/min. Each cut starts where the one before it ends.
+    """
+
+    lines: NDArray[np.int64]
+    blocks: NDArray[np.int64]
+    start: Vector
+    ends: NDArray[np.float64]
+    feeds: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def expand(self) -> Iterator[Line]:
+        """The Line commands, one a cut."""
+        start = self.start
+        rows = zip(self.lines.tolist(), self.blocks.tolist(), self.ends.tolist(), self.feeds.tolist(), strict=True)
+        for line, block, (x, y, z), feed in rows:
+            end = (x, y, z)
+            yield Line(line, None if block < 0 else block, start, end, feed)
+            start = end
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,6 +44,9 @@ class Outcome:
     is_end: bool
 
 
+NOTHING_LEFT = Outcome([], 1, is_end=False)
+
+
 class Executor:
     """Executes blocks of words against the state; flow and subprograms are decided elsewhere."""
 
@@ -59,9 +62,19 @@ class Executor:
         self._require_program = require_program
         self._mover = Mover(settings, state, outlet)
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether a move waits for what follows it."""
+        return self._mover.is_waiting
+
     def execute(self, block: Block) -> Outcome:
         """Carry out a block. Raises ControlAlarm for what the control refuses."""
         request = request_of(block, self._variables, self._settings.accepted_m_codes)
+        if request.is_bare_move:
+            self._feed(request)
+            self._mover.move(request)
+            self._require_used(request)
+            return NOTHING_LEFT
         calls = self._own_calls(request)
         self._numbered_call(calls, request)
         self._modes(request)

@@ -67,7 +67,10 @@ class Search:
 
 @dataclass(slots=True)
 class Level:
-    """One running program: its source, the index of the next block, and what is open."""
+    """One running program: its source, the index of the next block, and what is open.
+
+    Blocks before `furthest` have run already; all have where the program `is_repeat`.
+    """
 
     source: Source
     at: int = 0
@@ -76,6 +79,8 @@ class Level:
     search: Search | None = None
     depth: int = 0
     is_main: bool = True
+    furthest: int = 0
+    is_repeat: bool = False
 
 
 class Flow:
@@ -83,14 +88,22 @@ class Flow:
 
     def __init__(self, settings: Settings, variables: Variables) -> None:
         self._settings, self._variables = settings, variables
-        self._jumps = 0
+        self._repeats = 0
 
-    def count_jump(self) -> None:
-        """One more jump or turn of a loop; ControlAlarm beyond the limit."""
-        self._jumps += 1
-        if self._jumps > self._settings.max_jumps:
-            text = f"more than {self._settings.max_jumps} jumps: the program may never end; fewer are expected"
+    def count_repeat(self) -> None:
+        """One more jump, or one more block that runs again; ControlAlarm beyond the limit."""
+        self._repeats += 1
+        if self._repeats > self._settings.max_repeats:
+            limit = self._settings.max_repeats
+            text = f"more than {limit} jumps and repeated blocks: the program may never end; fewer are expected"
             raise ControlAlarm(AlarmNumber.LOOP_LIMIT, text)
+
+    def count_block(self, level: Level, index: int) -> None:
+        """A block is about to run; those that run again count."""
+        if level.is_repeat or index < level.furthest:
+            self.count_repeat()
+        else:
+            level.furthest = index + 1
 
     def act(self, level: Level, index: int, statement: Statement) -> None:
         """Carry out a statement of flow that stands at `index`; definitions and calls are not of flow."""
@@ -157,7 +170,7 @@ class Flow:
             section = level.sections[-1]
             section.left -= 1
             if section.left > 0:
-                self.count_jump()
+                self.count_repeat()
                 level.at = section.start
                 return
             level.sections.pop()
@@ -176,7 +189,7 @@ class Flow:
                 raise ControlAlarm(AlarmNumber.JUMP_TARGET, f"the jump target {target} is not before this block")
             self._go_back(level, found)
             return
-        self.count_jump()
+        self.count_repeat()
         level.search = Search("label", target, jump, index + 1)
 
     def _target(self, target: Expression) -> str:
@@ -196,7 +209,7 @@ class Flow:
 
     def _go_back(self, level: Level, index: int) -> None:
         self._require_held(level)
-        self.count_jump()
+        self.count_repeat()
         level.at = index
         while level.opened and level.opened[-1].index >= index:
             level.opened.pop()
@@ -286,7 +299,7 @@ class Flow:
         if len(level.sections) >= self._settings.max_call_depth:
             raise ControlAlarm(AlarmNumber.CALL_DEPTH, "repeated sections are nested too deeply")
         self._require_held(level)
-        self.count_jump()
+        self.count_repeat()
         level.sections.append(Section(start, stop, count, index + 1))
         level.at = start
 

@@ -26,6 +26,11 @@ class Mapping:
         """The programmed point."""
         return self.frame.inverse_point(subtract(canonical, self.shift))
 
+    @property
+    def total_shift(self) -> Vector:
+        """Canonical minus programmed coordinates where the frame only shifts."""
+        return add(self.frame.shift, self.shift)
+
     def moved_to(self, position: Vector, programmed: dict[int, float]) -> tuple[Vector, Vector]:
         """Programmed and canonical end of a move from canonical `position`; axes not named stay exactly."""
         values = list(self.inverse_point(position))
@@ -34,7 +39,7 @@ class Mapping:
         end = (values[0], values[1], values[2])
         if not self.frame.is_identity_matrix:
             return end, self.point(end)
-        total = add(self.frame.shift, self.shift)
+        total = self.total_shift
         kept = [programmed[i] + total[i] if i in programmed else position[i] for i in range(3)]
         return end, (kept[0], kept[1], kept[2])
 

@@ -38,6 +38,11 @@ class Mover:
         self._settings, self._state, self._outlet = settings, state, outlet
         self._spline: SplineBuilder | None = None
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether a spline has begun that has not ended."""
+        return self._spline is not None
+
     def finish_spline(self, tangent: Vector | None) -> None:
         """The spline, if one runs, ends here; `tangent` is the direction of what follows, or None."""
         spline, self._spline = self._spline, None

@@ -22,6 +22,11 @@ class Outlet:
     def __init__(self) -> None:
         self._waiting: deque[Command | Slot] = deque()
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing waits."""
+        return not self._waiting
+
     def put(self, command: Command) -> None:
         """Add a command that is complete."""
         self._waiting.append(command)

@@ -75,6 +75,15 @@ class Request:
         """Whether axis, centre or polynomial words ask for a move."""
         return bool(self.axes or self.centres or self.middles or self.polynomials)
 
+    @property
+    def is_bare_move(self) -> bool:
+        """Whether the block holds a motion code, dimensions and a feed at most."""
+        return (
+            not (self.m_codes or self.calls or self.tool_name)
+            and (not self.codes or (len(self.codes) == 1 and ModalGroup.MOTION in self.codes))
+            and (not self.numbers or (len(self.numbers) == 1 and "F" in self.numbers))
+        )
+
     def leftover(self) -> tuple[str, int] | None:
         """A word that nothing has taken, with its column, or None."""
         groups = (

@@ -1,176 +1,22 @@
-"""The interpreter: bytes of blocks in, canonical commands out; an alarm is a command too, and the last one.
-
-Blocks of subprograms give commands with line and block number of the block in the main program that called them.
-"""
+"""The two doors of the interpreter: `Interpreter` takes blocks as they come, `interpret` a whole program."""
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator
 
-from planner.gcode import Block, SyntaxProblem, read_block
-from planner.gcode.statement import Define, Procedure, Return
 from sim.interpreter import canon
-from sim.interpreter.alarms import AlarmNumber, ControlAlarm
-from sim.interpreter.definitions import define
-from sim.interpreter.execute import Executor
-from sim.interpreter.flow import Flow, Level, glance
-from sim.interpreter.outlet import Outlet
+from sim.interpreter.bulk import interpret_bulk
+from sim.interpreter.engine import Interpreter
 from sim.interpreter.settings import Settings
-from sim.interpreter.source import Received, Source, Whole
-from sim.interpreter.state import State
-from sim.interpreter.subprograms import Subprograms
-from sim.interpreter.system_variables import SystemVariables
-from sim.interpreter.values import Variables
+from sim.interpreter.source import Data
+
+__all__ = ["Interpreter", "interpret", "interpret_bulk"]
 
 
-class Interpreter:
-    """One program, block by block as the control receives it.
-
-    `block` and `finish` return the commands that are decided so far; splines and compensation wait for later blocks.
-    After an Alarm or an End nothing more is given.
-    """
-
-    def __init__(self, settings: Settings | None = None, source: Source | None = None) -> None:
-        self._settings = settings or Settings()
-        self._state = State(self._settings.start_mm)
-        self._outlet = Outlet()
-        self._variables = Variables(self._settings.r_parameters, SystemVariables(self._state, self._settings).read)
-        self._flow = Flow(self._settings, self._variables)
-        self._received = Received(is_kept=not self._settings.is_drip_fed)
-        self._main = Level(source or self._received)
-        self._levels = [self._main]
-        self._subprograms = Subprograms(self._settings, self._state, self._variables, self._levels)
-        self._executor = Executor(self._settings, self._state, self._variables, self._outlet, self._subprograms.require)
-        self._line = 0
-        self._number: int | None = None
-
-    @property
-    def state(self) -> State:
-        """The modal state after the blocks so far, as a copy."""
-        return copy.copy(self._state)
-
-    def block(self, raw: bytes, line: int) -> list[canon.Command]:
-        """The commands that this block decides. `line` counts from 1."""
-        if self._state.is_ended:
-            return []
-        self._received.add(raw, line)
-        return list(self.advance())
-
-    def advance(self) -> Iterator[canon.Command]:
-        """Execute the blocks that are there, in the order the program gives them."""
-        while not self._state.is_ended and self._step():
-            yield from self._outlet.drain()
-        yield from self._outlet.drain()
-
-    def finish(self) -> list[canon.Command]:
-        """The commands that waited for more blocks; call it when no more will come."""
-        given: list[canon.Command] = []
-        while not self._state.is_ended and self._main.search is not None:
-            if self._guarded(lambda: self._flow.unresolved(self._main)):
-                given += self.advance()
-        if not self._state.is_ended and self._guarded(self._complete):
-            self._state.is_ended = True
-        return given + self._outlet.drain()
-
-    def _complete(self) -> None:
-        self._flow.require_closed(self._main)
-        self._executor.finish()
-
-    def _step(self) -> bool:
-        """Execute one block of the innermost program; False where it has not come yet."""
-        level = self._levels[-1]
-        self._flow.section_end(level)
-        raw = level.source.text(level.at)
-        if raw is None:
-            return not level.is_main and self._guarded(lambda: self._end_of_level(level))
-        index = level.at
-        level.at += 1
-        if level.is_main:
-            self._line, self._number = level.source.line(index), None
-        self._guarded(lambda: self._take(level, index, raw))
-        return True
-
-    def _guarded(self, action: Callable[[], None]) -> bool:
-        """Do it; what the control refuses becomes an alarm, and False."""
-        try:
-            action()
-        except SyntaxProblem as problem:
-            self._alarm(AlarmNumber.SYNTAX, f"{problem.what}; expected {problem.expected}", problem.column)
-        except ControlAlarm as alarm:
-            self._alarm(alarm.number, alarm.text, alarm.column)
+def interpret(data: Data, settings: Settings | None = None) -> Iterator[canon.Command]:
+    """The canonical commands of a whole program, one a move; `interpret_bulk` gives straight cuts as arrays."""
+    for command in interpret_bulk(data, settings):
+        if isinstance(command, canon.LineRun):
+            yield from command.expand()
         else:
-            return True
-        return False
-
-    def _take(self, level: Level, index: int, raw: bytes) -> None:
-        if level.search is not None:
-            block = glance(raw)
-            if not self._flow.look(level, index, block):
-                return
-        block = read_block(raw.decode("latin-1"), self._line)
-        if level.is_main:
-            self._number = block.number
-        else:
-            block = _called_from(block, self._line, self._number)
-        if block.skip_level is None or block.skip_level not in self._settings.skip_levels:
-            self._execute(level, index, block)
-
-    def _execute(self, level: Level, index: int, block: Block) -> None:
-        statement = block.statement
-        if isinstance(statement, Define):
-            define(statement, self._variables, self._settings.max_array_elements)
-        elif isinstance(statement, Procedure):
-            self._subprograms.head(statement)
-        elif isinstance(statement, Return):
-            self._return(level)
-        elif statement is not None:
-            self._flow.act(level, index, statement)
-        elif block.words:
-            outcome = self._executor.execute(block)
-            for word in outcome.calls:
-                self._subprograms.call(word, outcome.count)
-            if outcome.is_end:
-                self._return(level)
-
-    def _return(self, level: Level) -> None:
-        """M2, M17, M30 or RET: a subprogram goes back to its caller, the main program ends."""
-        if level.is_main:
-            self._executor.finish()
-            self._outlet.put(canon.End(self._line, self._number))
-            self._state.is_ended = True
-        else:
-            self._flow.count_jump()
-            self._subprograms.end()
-
-    def _end_of_level(self, level: Level) -> None:
-        if level.search is not None:
-            self._flow.unresolved(level)
-        else:
-            self._flow.require_closed(level)
-            self._return(level)
-
-    def _alarm(self, number: int, text: str, column: int | None) -> None:
-        with suppress(ControlAlarm):
-            self._executor.finish()
-        self._outlet.abandon()
-        name = self._subprograms.name
-        if name is not None:
-            text, column = f"in subprogram {name}: {text}", None
-        self._outlet.put(canon.Alarm(self._line, self._number, int(number), text, column))
-        self._state.is_ended = True
-
-
-def _called_from(block: Block, line: int, number: int | None) -> Block:
-    return Block(
-        line, number, block.words, block.comment, block.statement, block.label, block.skip_level, block.is_main
-    )
-
-
-def interpret(data: bytes, settings: Settings | None = None) -> Iterator[canon.Command]:
-    """The canonical commands of a whole program."""
-    settings = settings or Settings()
-    interpreter = Interpreter(settings, Whole(data))
-    yield from interpreter.advance()
-    yield from interpreter.finish()
+            yield command

@@ -41,7 +41,7 @@ class Settings:
     while that offset is active, and stay continuous when another one is. `work_offsets_mm` gives machine positions of
     the work origins (default zero). `start_mm` is where the machine stands before the first block, in canonical
     coordinates. `skip_levels` are the levels selected at the panel. `backward_jump_alarm` is what a drip-fed program
-    raises when it jumps back. The limits at the end bound every loop, call and spline.
+    raises when it jumps back. `max_repeats` bounds every loop: jumps and blocks that run again, added up.
     """
 
     knot_rule: KnotRule = KnotRule.NX
@@ -61,6 +61,6 @@ class Settings:
     accepted_m_codes: frozenset[int] = frozenset()
     backward_jump_alarm: int = 14000
     r_parameters: int = 1000
-    max_jumps: int = 200_000
+    max_repeats: int = 50_000
     max_call_depth: int = 11
     max_array_elements: int = 10_000

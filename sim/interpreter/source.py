@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from bisect import bisect_right
+from mmap import mmap
+
+Data = bytes | mmap
 
 
 class Source(ABC):
@@ -51,30 +55,34 @@ class Whole(Source):
 
     _STRIDE = 1024
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: Data) -> None:
         self._data = data
-        self._marks = [0]
+        self._marks: list[tuple[int, int]] = [(0, 0)]
         self._index, self._start = 0, 0
 
     def text(self, index: int) -> bytes | None:
         """See Source."""
-        start = self._seek(index)
+        start = self.offset(index)
         if start is None:
             return None
         stop = self._data.find(b"\n", start)
         return self._data[start:] if stop < 0 else self._data[start:stop]
 
-    def _seek(self, index: int) -> int | None:
+    def offset(self, index: int) -> int | None:
+        """The byte where a line starts, or None beyond the end."""
         if index < 0:
             return None
         if index < self._index:
-            mark = min(index // self._STRIDE, len(self._marks) - 1)
-            self._index, self._start = mark * self._STRIDE, self._marks[mark]
+            self._index, self._start = self._marks[bisect_right(self._marks, (index, len(self._data))) - 1]
         while self._index < index:
             stop = self._data.find(b"\n", self._start)
             if stop < 0:
                 return None
-            self._index, self._start = self._index + 1, stop + 1
-            if self._index == len(self._marks) * self._STRIDE:
-                self._marks.append(self._start)
+            self.place(self._index + 1, stop + 1)
         return self._start if self._start < len(self._data) else None
+
+    def place(self, index: int, start: int) -> None:
+        """Line `index` is known to start at this byte."""
+        self._index, self._start = index, start
+        if index >= self._marks[-1][0] + self._STRIDE:
+            self._marks.append((index, start))

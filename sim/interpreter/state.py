@@ -57,6 +57,18 @@ class State:
     is_ended: bool = False
 
     @property
+    def is_plain(self) -> bool:
+        """Whether G1 blocks with X, Y, Z and F mean straight cuts at F mm/min to these coordinates, shifted at most."""
+        return (
+            (self.motion, self.dimension, self.feed_type, self.compensation) == ("G1", "G90", "G94", "G40")
+            and not self.is_inch
+            and self.feed is not None
+            and self.feed_axes is None
+            and self.frame.is_identity_matrix
+            and self.area_min_mm == self.area_max_mm == (None, None, None)
+        )
+
+    @property
     def is_inch(self) -> bool:
         """Whether dimensions are inches (G70, G700)."""
         return self.units in ("G70", "G700")

@@ -36,6 +36,7 @@ class Call:
     values: list[Value | None]
     back: dict[str, Expression] = field(default_factory=dict)
     saved: dict[str, object] | None = None
+    has_run: bool = False
 
 
 class Subprograms:
@@ -92,7 +93,10 @@ class Subprograms:
 
     def _begin(self, call: Call) -> None:
         self._calls.append(call)
-        self._levels.append(Level(Whole(call.data), is_main=False))
+        caller = self._levels[-1]
+        is_repeat = call.has_run or caller.is_repeat or caller.at < caller.furthest
+        call.has_run = True
+        self._levels.append(Level(Whole(call.data), is_main=False, is_repeat=is_repeat))
         self._variables.scopes.append({})
 
     def _found(self, word: Word) -> tuple[str, bytes]:

@@ -14,10 +14,10 @@ def start_tangent(motion: Motion) -> Vector | None:
     if isinstance(motion, Arc):
         return _arc_tangent(motion, motion.start, 0.0)
     if isinstance(motion, Polynomial):
-        return _unit(curve_derivative(motion, 0.0)) or _unit(
+        return unit(curve_derivative(motion, 0.0)) or unit(
             subtract(curve_point(motion.coefficients, motion.denominator, 1e-3 * motion.length), motion.start)
         )
-    return _unit(subtract(motion.end, motion.start))
+    return unit(subtract(motion.end, motion.start))
 
 
 def end_tangent(motion: Motion) -> Vector | None:
@@ -26,8 +26,8 @@ def end_tangent(motion: Motion) -> Vector | None:
         return _arc_tangent(motion, motion.end, motion.sweep_rad)
     if isinstance(motion, Polynomial):
         before = curve_point(motion.coefficients, motion.denominator, (1 - 1e-3) * motion.length)
-        return _unit(curve_derivative(motion, motion.length)) or _unit(subtract(motion.end, before))
-    return _unit(subtract(motion.end, motion.start))
+        return unit(curve_derivative(motion, motion.length)) or unit(subtract(motion.end, before))
+    return unit(subtract(motion.end, motion.start))
 
 
 def curve_derivative(motion: Polynomial, p: float) -> Vector:
@@ -88,9 +88,10 @@ def _arc_tangent(arc: Arc, point: Vector, angle_rad: float) -> Vector | None:
     radial, rise = _radial(arc)
     out = subtract(point, arc.centre) if angle_rad else radial
     flat = cross(arc.axis, subtract(out, scaled(arc.axis, dot(out, arc.axis))))
-    return _unit(add(flat, scaled(arc.axis, rise / arc.sweep_rad)))
+    return unit(add(flat, scaled(arc.axis, rise / arc.sweep_rad)))
 
 
-def _unit(a: Vector) -> Vector | None:
+def unit(a: Vector) -> Vector | None:
+    """The vector's direction, or None where it is too short to have one."""
     size = norm(a)
     return scaled(a, 1.0 / size) if size > 1e-12 else None

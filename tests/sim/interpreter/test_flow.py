@@ -182,9 +182,13 @@ def test_a_drip_fed_program_may_go_forward() -> None:
 
 def test_every_loop_is_bounded() -> None:
     """(6.4)"""
-    found = alarm("LOOP\nENDLOOP", max_jumps=1000)
+    found = alarm("LOOP\nENDLOOP", max_repeats=1000)
     assert (found.number, "1000 jumps" in found.text) == (14092, True)
-    assert alarm("AA: GOTOB AA", max_jumps=50).number == 14092
+    assert alarm("AA: GOTOB AA", max_repeats=50).number == 14092
+    body = "R1=1\n" * 30
+    found = run(f"AA: G0 X1\n{body}GOTOB AA", max_repeats=100)[-1]
+    assert isinstance(found, canon.Alarm)
+    assert found.number == 14092
 
 
 @pytest.fixture
