@@ -104,23 +104,26 @@ class Receiver:
 
     def release(self, now_s: float) -> None:
         """Say DC1 and close the cycle."""
-        if self._xoff_s is not None and math.isfinite(self._xoff_s):
-            lost = self.overrun_bytes - self._overrun_before
-            self.cycles.append(Cycle(self._xoff_s, self._overshoot_bytes, lost, now_s))
-        self._xoff_s = None
+        self._close_cycle(now_s)
         self._say(Word.XON, now_s)
 
-    def clear(self) -> None:
+    def clear(self, now_s: float) -> None:
         """Forget what the ring holds (reset, power cycle), and say nothing."""
+        self._close_cycle(now_s)
         self.fill_bytes = 0
         self._accepted.clear()
-        self._xoff_s = None
 
     def fetch(self) -> bytes:
         """The bytes accepted since the last call."""
         data = bytes(self._accepted)
         self._accepted.clear()
         return data
+
+    def _close_cycle(self, now_s: float) -> None:
+        if self._xoff_s is not None and math.isfinite(self._xoff_s):
+            lost = self.overrun_bytes - self._overrun_before
+            self.cycles.append(Cycle(self._xoff_s, self._overshoot_bytes, lost, now_s))
+        self._xoff_s = None
 
     def _accept(self, data: bytes) -> None:
         free = self.marks.size_bytes - self.fill_bytes

@@ -99,7 +99,7 @@ class Uart:
                 if not self.receiver.is_held:
                     self.receiver.hold(now_s)
             case BrokeOff(mark):
-                self.receiver.clear()
+                self.receiver.clear(now_s)
                 self.receiver.hold(now_s)
                 self._say(mark, now_s)
             case Power(is_on):
@@ -119,7 +119,7 @@ class Uart:
     def _power(self, now_s: float, *, is_on: bool) -> None:
         """Switch the control off (deaf and dumb, ring lost) or on (it says DC1 where its start rule has one)."""
         self.is_on = is_on
-        self.receiver.clear()
+        self.receiver.clear(now_s)
         self.outgoing.drop()
         if is_on:
             self._say_word(Word.XON, now_s)

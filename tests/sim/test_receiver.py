@@ -70,9 +70,10 @@ def test_a_reset_forgets_the_ring() -> None:
     """(5.8)"""
     ring = Receiver(MARKS, Ears())
     ring.arrive(run(90, 1.0))
-    ring.clear()
+    ring.clear(95.0)
     ring.take(12, 95.0)
     assert (ring.fill_bytes, ring.is_held, ring.fetch()) == (0, False, b"")
+    assert ring.cycles == [Cycle(xoff_s=80.0, overshoot_bytes=10, overrun_bytes=0, xon_s=95.0)]
 
 
 @pytest.mark.parametrize("size", [1, 7, 80, 200])
