@@ -76,7 +76,12 @@ def jerk_to_speed(
     first = gap / (dt * dt) - 1.5 * a / dt
     second = -gap / (dt * dt) + 0.5 * a / dt
     between = gap - dt * (a + first * dt / 2.0)
-    if abs(first) <= full_jerk and abs(second) <= full_jerk and abs(a + first * dt) <= acceleration and between * gap >= 0.0:
+    if (
+        abs(first) <= full_jerk
+        and abs(second) <= full_jerk
+        and abs(a + first * dt) <= acceleration
+        and between * gap >= 0.0
+    ):
         return first
     gap -= a * dt / 2.0
     wanted = jerk * (math.sqrt(dt * dt / 4.0 + 2.0 * abs(gap) / jerk) - dt / 2.0)
@@ -106,8 +111,10 @@ def is_safe(
     jerks: Array,
     tightening: float,
     dt: float,
-) -> bool:
-    """Whether every limit from s on can be kept by braking; node `last` counts as speed zero.
+) -> int:
+    """Whether every limit from s on can be kept by braking (0 no, 1 yes); node `last` counts as speed zero.
+
+    2: moreover nothing ahead is tighter than here within the distance of a full stop.
 
     Braking to a node counts on the tightest limits before it. Where limits tighten below the share `tightening` (a
     small rounding after a long leg) and the speed can be steady by then, what lies beyond is judged from there. A
@@ -116,23 +123,28 @@ def is_safe(
     """
     top = v + (a * a / (2.0 * PLANNED * jerks[piece]) if a > 0.0 else 0.0)
     if top > speeds[piece] * (1.0 + 1e-9) or abs(a) > accs[piece] * (1.0 + 1e-9):
-        return False
+        return 0
+    verdict = 2
     acceleration, jerk = PLANNED * accs[piece], PLANNED * jerks[piece]
     stop = brake_mm(v, a, 0.0, acceleration, jerk)
     for q in range(piece, last + 1):
         ahead = ends[q] - s
         target, need = nodes[q] if q < last else 0.0, 0.0
+        if top > target or accs[q] < 0.9 * accs[piece] or jerks[q] < 0.9 * jerks[piece]:
+            verdict = 1
         if a > 0.0 or v > target:
             need = brake_mm(v, a, target, acceleration, jerk)
             if need > 0.0 and need + jerk * dt * dt * dt > ahead:
-                return False
-        if ahead >= stop or q == last:
-            return True
+                return 0
+        if ahead >= stop:
+            return verdict
+        if q == last:
+            return 1
         next_acceleration, next_jerk = PLANNED * accs[q + 1], PLANNED * jerks[q + 1]
         if next_jerk < jerk:
             ahead = max(ahead - 1.5 * min(top, target) * dt, 0.0)
             if need > ahead:
-                return False
+                return 0
         is_steady_by_then = ahead >= need and ahead >= ease_mm(v, a, 0.0, jerk)
         if is_steady_by_then and (next_acceleration < tightening * acceleration or next_jerk < tightening * jerk):
             s, v, a = ends[q], min(top, target), 0.0
@@ -140,10 +152,10 @@ def is_safe(
             acceleration, jerk = next_acceleration, next_jerk
         else:
             if abs(a) > accs[q + 1] and ease_mm(v, a, accs[q + 1], jerk) > ahead:
-                return False
+                return 0
             acceleration, jerk = min(acceleration, next_acceleration), min(jerk, next_jerk)
         stop = brake_mm(v, a, 0.0, acceleration, jerk)
-    return True
+    return 1
 
 
 def landing(ahead: float, v: float, a: float, steps: int, dt: float) -> tuple[float, float, float]:
@@ -203,8 +215,8 @@ def lands(
     piece: int,
     stop: int,
     ends: Array,
-    caps: Array,
-    knots: Array,
+    speeds: Array,
+    nodes: Array,
     accs: Array,
     jerks: Array,
     stops: Indices,
@@ -219,7 +231,7 @@ def lands(
         a += dt * j
         if left == 1:
             s = np.nextafter(ends[stop], -math.inf)
-        piece = step_to(s, v, a, j, piece, stop, ends, caps, knots, accs, jerks, stops)
+        piece = step_to(s, v, a, j, piece, stop, ends, speeds, nodes, accs, jerks, stops)
         if piece < 0:
             return False
     return True
@@ -229,8 +241,8 @@ def plan_landing(
     state: Array,
     stop: int,
     ends: Array,
-    caps: Array,
-    knots: Array,
+    speeds: Array,
+    nodes: Array,
     accs: Array,
     jerks: Array,
     stops: Indices,
@@ -247,7 +259,7 @@ def plan_landing(
     ramp_s = 3.0 * ahead / v if a < 0.0 and v > 0.0 else (32.0 * ahead / jerk) ** (1.0 / 3.0)
     least = max(3, int(ramp_s / dt))
     for steps in range(least, least + spare):
-        if lands(s, v, a, steps, piece, stop, ends, caps, knots, accs, jerks, stops, dt):
+        if lands(s, v, a, steps, piece, stop, ends, speeds, nodes, accs, jerks, stops, dt):
             alpha, beta, gamma = landing(ahead, v, a, steps, dt)
             state[LANDING_LEFT] = state[LANDING_STEPS] = steps
             state[ALPHA], state[BETA], state[GAMMA] = alpha, beta, gamma
@@ -346,11 +358,13 @@ def choose_jerk(
         top = speeds[after]
         if is_slowing and top < v:
             speeds[after] = v
-        good = is_safe(s_next, v_next, a_next, after, last, ends, speeds, nodes, accs, jerks, 0.5, dt) or is_safe(
-            s_next, v_next, a_next, after, last, ends, speeds, nodes, accs, jerks, 0.98, dt
-        )
+        good = is_safe(s_next, v_next, a_next, after, last, ends, speeds, nodes, accs, jerks, 0.5, dt)
+        if good == 0:
+            good = is_safe(s_next, v_next, a_next, after, last, ends, speeds, nodes, accs, jerks, 0.98, dt)
         speeds[after] = top
-        if good:
+        if good == 2 and after == piece:
+            return trial
+        if good > 0:
             best = trial
             if trial == high:
                 break
@@ -391,20 +405,19 @@ def run(
     at most `lookahead` blocks beyond the present one, of the `count` known; its last end counts as a stop.
     """
     piece, last = int(state[PIECE]), int(state[HORIZON])
+    stop = piece
     for k in range(steps):
         while last + 1 < count and ordinals[last + 1] <= ordinals[piece] + lookahead:
             last += 1
-        stop = piece
-        room = 1.2 * brake_mm(state[V], state[A], 0.0, PLANNED * accs[piece], PLANNED * jerks[piece])
-        while stop < last and stops[stop] == 0 and ends[stop] - state[S] < room + 1.0:
+        while stop < last and stops[stop] == 0:
             stop += 1
-        is_stop = stops[stop] != 0 or stop == last
-        if state[LANDING_LEFT] > 0 and not (is_stop and ends[stop] == state[LANDING_END]):
+        if ends[stop] != state[LANDING_END]:
             state[LANDING_LEFT] = 0
         is_landing = state[LANDING_LEFT] > 0
-        may_land = is_stop and not (is_holding or is_landing)
-        if may_land:
-            is_landing = plan_landing(state, stop, ends, caps, knots, accs, jerks, stops, dt, 6 if state[V] > 0.0 else 60)
+        if not (is_holding or is_landing):
+            is_landing = plan_landing(
+                state, stop, ends, speeds, nodes, accs, jerks, stops, dt, 6 if state[V] > 0.0 else 60
+            )
         if is_landing:
             left = int(state[LANDING_LEFT])
             j = landing_jerk(state[ALPHA], state[BETA], state[GAMMA], int(state[LANDING_STEPS]), left)

@@ -221,7 +221,7 @@ class Path:
         before = np.concatenate([[trim_mm], corners.reach])
         after = np.concatenate([corners.reach, [0.0]])
         body = {
-            "caps": legs.limits.speed,
+            "caps": np.minimum(legs.limits.speed, OVERRIDE_TOP * legs.feeds),
             "feeds": legs.feeds,
             "accs": legs.limits.acceleration,
             "jerks": legs.limits.jerk,
@@ -260,7 +260,7 @@ class Path:
         self._roundings.extend(zip(ordinals.tolist(), (0.375 * d * half_sine).tolist(), strict=True))
         none = np.zeros((len(rows), 3))
         return length, {
-            "caps": limits.speed,
+            "caps": np.minimum(limits.speed, OVERRIDE_TOP * feed),
             "feeds": feed,
             "accs": limits.acceleration,
             "jerks": limits.jerk,
@@ -294,7 +294,7 @@ class Path:
             starts=start_mm + edges[:-1] - from_mm,
             ends=start_mm + edges[1:] - from_mm,
             offsets=edges[:-1],
-            caps=np.minimum(limits.speed, block_speed),
+            caps=np.minimum(limits.speed, min(block_speed, OVERRIDE_TOP * feed)),
             feeds=feed,
             knots=np.inf,
             accs=limits.acceleration,
