@@ -15,6 +15,7 @@ from typing import Any
 
 from dnc import alarms
 from dnc.aftermath import leave_mark
+from dnc.capture import Capture
 from dnc.errors import ControlStopped, LineFault, OperatorAbort
 from dnc.eventlog import EventLog, Listener
 from dnc.events import JobState
@@ -36,6 +37,7 @@ from dnc.tape import Tape
 _LAG_S = 150e-6
 _AHEAD_S = 6.0
 _AHEAD_MIN_BYTES = 4096
+_HEARD_BYTES = 65536
 SIGTERM_EXIT = 143
 
 
@@ -78,9 +80,9 @@ class Job:
     ) -> None:
         self.tape, self.port, self.profile, self.names = tape, port, profile, names
         self.sender = Sender(tape, ByteClock(pace_of(profile.link)), rules_of(profile.link))
-        self.events = EventLog(listeners)
-        ahead = max(_AHEAD_MIN_BYTES, int(_AHEAD_S * profile.link.baud / 10))
         self._folder = state_folder() / "jobs" / names.job_id
+        self.events = EventLog([*listeners, Capture(self._folder / "heard", _HEARD_BYTES)])
+        ahead = max(_AHEAD_MIN_BYTES, int(_AHEAD_S * profile.link.baud / 10))
         self.journal = Journal(self._folder / "journal", tape.sha256, ahead, self._wake)
         self.stream = Stream(self.sender, port, self.journal, self.events.add)
         self._is_realtime = False
@@ -141,6 +143,7 @@ class Job:
             program=self.names.program,
             machine=self.names.machine,
             port=self.port.name,
+            port_identity=self.port.identity,
             restart=self.names.restart,
             started=self._started.isoformat(timespec="milliseconds"),
             handshake=self.profile.link.handshake,

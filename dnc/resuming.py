@@ -15,9 +15,10 @@ from typing import Any
 
 import click
 
-from dnc.errors import InputRejected, JournalMismatch, SettingsRejected
+from dnc.errors import InputRejected, JournalMismatch, PortUnavailable, SettingsRejected
 from dnc.joblist import PastJob, past_jobs
 from dnc.places import state_folder
+from dnc.port import Port
 from dnc.profile import MachineProfile
 from dnc.progress import printable
 from dnc.record import in_doubt
@@ -45,6 +46,17 @@ class Plan:
             "program_sha256": self.program_sha256,
             "preamble": list(self.point.preamble),
         }
+
+    def refuse_other_port(self, port: Port, *, is_forced: bool) -> None:
+        """Raise PortUnavailable if the stopped job went through another adapter than the one of this name now."""
+        jobs = [past for past in past_jobs(state_folder()) if self.program_sha256 in (_sha_of(past), _restarted(past))]
+        last = jobs[-1].values if jobs else {}
+        known = last.get("port_identity") or last.get("identity")
+        is_same_name = last.get("port") == port.name
+        if is_forced or port.is_simulated or not is_same_name or known in (None, port.identity):
+            return
+        what = f"{port.name} is another adapter ({port.identity}) than that of the stopped job ({known})"
+        raise PortUnavailable(f"{what}; plug in the right one, or --force")
 
 
 def plan_restart(program: Path, tape: Tape, profile: MachineProfile, start_at: str | None, *, is_forced: bool) -> Plan:
@@ -86,6 +98,11 @@ def confirm(plan: Plan, *, is_yes: bool) -> None:
         raise click.UsageError("a restart is confirmed at a terminal, or with --yes")
     if not click.confirm("Send it?", default=False, err=True):
         raise click.exceptions.Abort
+
+
+def _sha_of(past: PastJob) -> str | None:
+    sha = past.values.get("program_sha256")
+    return sha if isinstance(sha, str) else None
 
 
 def refuse_findings(program: Path, profile: MachineProfile) -> None:
@@ -132,7 +149,7 @@ def _heights(sidecar: dict[str, Any]) -> Heights:
 def _first_in_doubt(tape: Tape, profile: MachineProfile) -> int:
     """The first line of this program that the last job on it may not have executed."""
     sha = tape.program_sha256
-    jobs = [past for past in past_jobs(state_folder()) if sha in (past.values.get("program_sha256"), _restarted(past))]
+    jobs = [past for past in past_jobs(state_folder()) if sha in (_sha_of(past), _restarted(past))]
     if not jobs:
         raise JournalMismatch("no job of exactly this program is on record; use --start-at, or send it from its start")
     last = jobs[-1]

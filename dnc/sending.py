@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import msgspec
@@ -29,6 +29,9 @@ from dnc.rehearsal import rehearsal_mill
 from dnc.spool import load_tape
 from dnc.stamp import refuse_contradiction
 from dnc.tape import Tape
+
+if TYPE_CHECKING:
+    from dnc.resuming import Plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +69,7 @@ def send(wishes: Wishes) -> int:
     if wishes.report is not None and not wishes.report.parent.is_dir():
         raise SettingsRejected(f"the folder of {wishes.report} does not exist", remedy="create it")
     tape = load_tape(wishes.program, profile.tape, state_folder() / "spool")
-    restart: dict[str, Any] | None = None
+    plan: Plan | None = None
     try:
         refuse_contradiction(tape, profile, wishes.program)
         if wishes.check_first:
@@ -74,21 +77,23 @@ def send(wishes: Wishes) -> int:
 
             refuse_findings(wishes.program, profile)
         if wishes.start_at is not None or wishes.resume:
-            tape, restart = _restarted(tape, profile, wishes)
+            tape, plan = _restarted(tape, profile, wishes)
         with _port(wishes, profile) as (port, profile):
             try:
                 refuse_overrun(tape, profile, port, is_forced=wishes.force)
                 refuse_dirty_control(port.identity, wishes.yes, wishes.control_was_reset)
+                if plan is not None and wishes.resume:
+                    plan.refuse_other_port(port, is_forced=wishes.force)
             except BaseException:
                 port.close()
                 raise
-            finished = _run(tape, port, profile, wishes, restart)
+            finished = _run(tape, port, profile, wishes, plan.record() if plan is not None else None)
     finally:
         tape.close()
     return _ending(finished, wishes)
 
 
-def _restarted(tape: Tape, profile: MachineProfile, wishes: Wishes) -> tuple[Tape, dict[str, Any]]:
+def _restarted(tape: Tape, profile: MachineProfile, wishes: Wishes) -> tuple[Tape, Plan]:
     """The tape of a restart in place of the whole program's, once the operator agreed."""
     from dnc.resuming import confirm, plan_restart
 
@@ -101,7 +106,7 @@ def _restarted(tape: Tape, profile: MachineProfile, wishes: Wishes) -> tuple[Tap
         program.write_bytes(plan.data)
         restarted = load_tape(program, profile.tape, state_folder() / "spool")
     tape.close()
-    return restarted, plan.record()
+    return restarted, plan
 
 
 def machine_profile(machine: str) -> MachineProfile:

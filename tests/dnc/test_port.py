@@ -243,7 +243,7 @@ def test_lock_files(tmp_path: Path) -> None:
 
 
 def test_a_pty_born_anew_is_another_port() -> None:
-    """(5.5) The same name later is not the same control."""
+    """(5.5; fault A2) The same name later is not the same control."""
     first = pty.openpty()
     name = Path(os.ttyname(first[1]))
     before = identity_of(name)

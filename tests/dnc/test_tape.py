@@ -37,7 +37,7 @@ def test_bytes_as_in_the_file(tmp_path: Path) -> None:
     [("lf", b"\n"), ("cr", b"\r"), ("crlf", b"\r\n"), ("lfcr", b"\n\r"), ("lfcrcr", b"\n\r\r"), (r";\LF", b";\n")],
 )
 def test_every_block_end(tmp_path: Path, name: str, end: bytes) -> None:
-    """(5.4) Mixed ends of the file become the control's end; a run is never torn by a chunk's border."""
+    """(5.4; fault P5) Mixed ends of the file become the control's end; a run is never torn by a chunk's border."""
     ends = [b"\n", b"\r\n", b"\n"]
     blocks = [b"G1 X%d" % index for index in range(20_000)]
     data = b"".join(block + ends[index % 3] for index, block in enumerate(blocks))

@@ -34,7 +34,7 @@ def checked(report: dict[str, object]) -> dict[str, object]:
 
 
 def test_the_bytes_arrive_and_both_ends_agree(tmp_path: Path) -> None:
-    """(1.3, 1.7) Held a few times, no overrun, same hash at both ends, exit 0, valid report, record kept."""
+    """(1.3, 1.7; fault O7) Held a few times, no overrun, same hash at both ends, exit 0, valid report, record kept."""
     program = program_at(tmp_path, 200)
     with (
         PeerProcess(baud=38400, buffer_bytes=512, eat_bytes_s=3000, quiet_s=0.3) as peer,
@@ -182,7 +182,7 @@ def wait_for_state(folder: Path, *wanted: str, sent: int = 1) -> dict[str, objec
 
 
 def test_sigint_stops_purges_and_tells(tmp_path: Path) -> None:
-    """(1.3, 5.7) Exit 7, window printed, journal closed as ABORTED; the next start asks for a reset of the control."""
+    """(1.3, 5.7; fault C10) Exit 7, window, journal closed as ABORTED; the next start asks for a reset of the control."""
     program = program_at(tmp_path, 300)
     with PeerProcess(quiet_s=0) as peer:
         with SendProcess(tmp_path, program, peer.pty) as sending:
@@ -254,7 +254,7 @@ def test_kill_9_leaves_a_bound(tmp_path: Path) -> None:
 
 
 def test_orders_over_the_socket(tmp_path: Path) -> None:
-    """(5.7) One watcher holds the lease and pauses; another is refused; leaving changes nothing."""
+    """(5.7; faults O6, O8) One watcher holds the lease and pauses; another is refused; leaving changes nothing."""
     program = program_at(tmp_path, 100)
     with PeerProcess(quiet_s=2.0) as peer, SendProcess(tmp_path, program, peer.pty) as sending:
         wait_for_state(tmp_path, "SENDING")
@@ -310,7 +310,7 @@ def test_m30_that_stops_reading(tmp_path: Path) -> None:
     ],
 )
 def test_a_program_for_another_control_is_refused(tmp_path: Path, head: bytes, words: str) -> None:
-    """(6.8)"""
+    """(6.8; fault O3)"""
     program = tmp_path / "part.mpf"
     program.write_bytes(head + b"G0 X0\nM30\n")
     with PeerProcess() as peer, SendProcess(tmp_path, program, peer.pty) as sending:

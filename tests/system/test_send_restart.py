@@ -145,3 +145,38 @@ def test_check_first_stops_a_bad_program(tmp_path: Path) -> None:
         assert peer.stop()["bytes_received"] == 0
     assert code == 3
     assert "--yes does not skip" in words
+
+
+def test_check_first_finds_a_missing_end(tmp_path: Path) -> None:
+    """(fault P7) Without --check it is sent as it is."""
+    program = tmp_path / "open.mpf"
+    program.write_bytes(b"G90 G94 G17\nG0 Z50\nG0 X0\n")
+    with PeerProcess(baud=38400, quiet_s=0) as peer:
+        with SendProcess(tmp_path, program, peer.pty, "--baud=38400", "--check") as sending:
+            code, words = sending.finish()
+        assert code == 3
+        assert "M30" in words
+        with SendProcess(tmp_path, program, peer.pty, "--baud=38400") as sending:
+            assert sending.finish()[0] == 0
+
+
+def test_resume_refuses_another_adapter(tmp_path: Path) -> None:
+    """(fault A3) Real ports only: the same name, another serial number."""
+    from dnc.errors import PortUnavailable
+    from dnc.record import append_record
+    from dnc.restart import RestartPoint
+    from dnc.resuming import Plan
+
+    class Adapter:
+        name, identity, is_simulated = "/dev/ttyUSB0", "usb-FTDI_B", False
+
+    plan = Plan(RestartPoint(1, None, 0, (0.0, 0.0, 0.0), ()), b"", 0, "ab" * 32)
+    record = {"job": "1", "outcome": "FAULTED", "program_sha256": "ab" * 32, "port": "/dev/ttyUSB0"}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path))
+        append_record(tmp_path / "dnc", {**record, "port_identity": "usb-FTDI_A"})
+        with pytest.raises(PortUnavailable, match="another adapter"):
+            plan.refuse_other_port(Adapter(), is_forced=False)  # type: ignore[arg-type]
+        plan.refuse_other_port(Adapter(), is_forced=True)  # type: ignore[arg-type]
+        append_record(tmp_path / "dnc", {**record, "job": "2", "port_identity": "usb-FTDI_B"})
+        plan.refuse_other_port(Adapter(), is_forced=False)  # type: ignore[arg-type]

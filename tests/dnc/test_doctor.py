@@ -1,0 +1,155 @@
+"""What the doctor and the lists find, on made-up computers (5.5, 5.7, 5.9; faults A11, A12)."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import threading
+import tty
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from dnc.cli.main import program
+from dnc.doctor import Finding, examine, probe_loopback
+from dnc.events import JobState
+from dnc.joblist import first_broken_link, past_jobs
+from dnc.journal import Journal
+from dnc.port import SerialPort
+from dnc.portlist import find_ports
+from dnc.profile import Link
+from dnc.record import append_record
+
+
+def computer(root: Path, *, awake: str = "auto", latency_ms: int = 16, modem_manager: bool = True) -> Path:
+    """A computer with one FTDI adapter as it looks below /sys, /dev and /proc."""
+    usb = root / "sys/devices/usb1/1-2"
+    tty_folder = usb / "1-2:1.0/ttyUSB0"
+    (tty_folder / "tty").mkdir(parents=True)
+    (usb / "power").mkdir()
+    (usb / "power/control").write_text(awake + "\n")
+    (usb / "idVendor").write_text("0403\n")
+    (usb / "idProduct").write_text("6001\n")
+    (tty_folder / "latency_timer").write_text(f"{latency_ms}\n")
+    (root / "sys/bus/ftdi_sio").mkdir(parents=True)
+    (tty_folder / "driver").symlink_to(root / "sys/bus/ftdi_sio")
+    entry = root / "sys/class/tty/ttyUSB0"
+    entry.mkdir(parents=True)
+    (entry / "device").symlink_to(tty_folder)
+    uart = root / "sys/class/tty/ttyS0"
+    uart.mkdir()
+    (uart / "rx_trig_bytes").write_text("8\n")
+    (root / "dev/serial/by-id").mkdir(parents=True)
+    (root / "dev/ttyUSB0").touch()
+    (root / "dev/serial/by-id/usb-FTDI_A1B2-if00-port0").symlink_to(root / "dev/ttyUSB0")
+    (root / "proc/77").mkdir(parents=True)
+    (root / "proc/77/comm").write_text("ModemManager\n" if modem_manager else "bash\n")
+    return root
+
+
+def found(findings: list[Finding], name: str) -> Finding:
+    return next(finding for finding in findings if finding.id == name)
+
+
+def test_each_finding_has_its_remedy(tmp_path: Path) -> None:
+    """(5.9; fault A12)"""
+    findings = examine(tmp_path, computer(tmp_path / "root"))
+    assert found(findings, "modem-manager").remedy.startswith("sudo systemctl disable")
+    assert "power/control" in found(findings, "autosuspend").remedy
+    assert "latency_timer" in found(findings, "latency-timer").remedy
+    assert "rx_trig_bytes" in found(findings, "uart-trigger").remedy
+    assert all(finding.remedy for finding in findings if not finding.is_good)
+
+
+def test_a_mended_computer_is_well(tmp_path: Path) -> None:
+    findings = examine(tmp_path, computer(tmp_path / "root", awake="on", latency_ms=1, modem_manager=False))
+    for name in ("modem-manager", "autosuspend", "latency-timer", "clock", "disk"):
+        assert found(findings, name).is_good
+
+
+def test_ports_with_their_lasting_names(tmp_path: Path) -> None:
+    """(5.5)"""
+    (port,) = find_ports(computer(tmp_path))
+    assert port.driver == "ftdi_sio"
+    assert port.vendor_product == "0403:6001"
+    assert port.by_id is not None
+    assert port.by_id.endswith("usb-FTDI_A1B2-if00-port0")
+
+
+@pytest.mark.parametrize(
+    ("change", "good", "words"),
+    [
+        (lambda data: data, True, "unchanged"),
+        (lambda data: b"", False, "nothing came back"),
+        (lambda data: bytes(code for code in data if code not in b"\x11\x13"), False, "swallowed"),
+        (lambda data: bytes(code | (code.bit_count() & 1) << 7 for code in data), False, "parity"),
+        (lambda data: data[:-5], False, "changed"),
+    ],
+)
+def test_loopback_plug(change: object, good: bool, words: str) -> None:
+    """(5.9) Faults of plug, adapter and format are told apart."""
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    port = SerialPort(os.ttyname(slave), Link())
+
+    def echo() -> None:
+        data = os.read(master, 4096)
+        os.write(master, change(data))  # type: ignore[operator]
+
+    thread = threading.Thread(target=echo)
+    thread.start()
+    finding = probe_loopback(port, timeout_s=0.5)
+    thread.join(5)
+    assert (finding.is_good, words in finding.text) == (good, True), finding
+    port.close()
+    os.close(slave)
+    os.close(master)
+
+
+def record(job: str, outcome: str = "SENT") -> dict[str, object]:
+    return {"job": job, "outcome": outcome, "program": "a.mpf", "bytes_sent": 5, "bytes_total": 5}
+
+
+def test_records_are_chained(tmp_path: Path) -> None:
+    """(5.7) A changed or removed line shows."""
+    for name in ("1", "2", "3"):
+        append_record(tmp_path, record(name))
+    assert first_broken_link(tmp_path) is None
+    path = tmp_path / "records.jsonl"
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([lines[0], lines[1].replace("SENT", "DONE"), lines[2]]))
+    assert first_broken_link(tmp_path) == 3
+    path.write_text("".join([lines[0], lines[2]]))
+    assert first_broken_link(tmp_path) == 2
+
+
+def test_interrupted_jobs_are_listed(tmp_path: Path) -> None:
+    """(5.7; fault H1) A journal without a record: interrupted, with what it knows; a torn one too."""
+    append_record(tmp_path, record("20260101T000000-1"))
+    cut = Journal(tmp_path / "jobs/20260102T000000-99999999/journal", "ab" * 32, 100, lambda: None)
+    cut.open()
+    cut.note(42, JobState.SENDING)
+    cut.close(42, JobState.SENDING)
+    (tmp_path / "jobs/20260102T000000-99999999/job.json").write_text(json.dumps({"program": "b.mpf"}))
+    (tmp_path / "jobs/20260103T000000-99999999").mkdir()
+    (tmp_path / "jobs/20260103T000000-99999999/journal").write_bytes(b"torn")
+    jobs = past_jobs(tmp_path)
+    assert [past.outcome for past in jobs] == ["SENT", "INTERRUPTED", "INTERRUPTED"]
+    assert (jobs[1].values["bytes_sent"], jobs[1].values["program"]) == (42, "b.mpf")
+
+
+@pytest.mark.parametrize("name", ["jobs", "ports", "machines", "doctor"])
+def test_commands_report_json(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    result = CliRunner().invoke(program, [name, "--json"])
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["schema"] == f"dripmill.{name}"
+
+
+def test_jobs_command_shows_and_verifies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    append_record(tmp_path / "dnc", record("20260101T000000-1"))
+    assert "a.mpf" in CliRunner().invoke(program, ["jobs", "--verify"]).stdout
+    assert json.loads(CliRunner().invoke(program, ["jobs", "20260101"]).stdout)["jobs"][0]["outcome"] == "SENT"

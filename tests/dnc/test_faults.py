@@ -1,0 +1,195 @@
+"""Faults of the published list that are not shown elsewhere, each by its id (5.10); and the list itself, kept true."""
+
+from __future__ import annotations
+
+import errno
+import os
+import pty
+import re
+import threading
+import time
+import tty
+from pathlib import Path
+
+import pytest
+import serial
+
+from dnc.capture import Capture
+from dnc.errors import PortUnavailable
+from dnc.events import Alarm, JobState, Noise, Severity
+from dnc.pacing import Pace
+from dnc.port import SerialPort
+from dnc.profile import Control, Link, load_profile
+from dnc.progress import printable
+from dnc.record import doubt_words, in_doubt
+from dnc.sending import line_warnings
+from dnc.shipped import shipped_path
+from tests.helpers.line import XOFF, XON, alarm_ids, drain, sender_of, tape_of
+
+ROOT = Path(__file__).parents[2]
+PROGRAM = b"".join(b"N%d G1 X%d\n" % (index * 10, index) for index in range(1, 201)) + b"M30\n%\n"
+
+
+def test_every_row_of_the_table_names_a_test_that_exists() -> None:
+    """(5.10) docs/faults.md: each id of the list once; a staged one names a test whose docstring names the id."""
+    rows = re.findall(r"^\| ([LACPO]\d+) \|.*\| ([^|]+) \|$", (ROOT / "docs/faults.md").read_text(), re.MULTILINE)
+    wanted = [f"L{n}" for n in range(1, 15)] + [f"A{n}" for n in range(1, 13)] + [f"C{n}" for n in range(1, 13)]
+    wanted += [f"P{n}" for n in range(1, 8)] + [f"O{n}" for n in range(1, 10)]
+    assert [fault for fault, _ in rows] == wanted
+    sources = {path: path.read_text() for path in (ROOT / "tests").rglob("test_*.py")}
+    for fault, shown in rows:
+        for name in re.findall(r"`(test_\w+)`", shown):
+            places = [text for text in sources.values() if f"def {name}(" in text]
+            assert places, f"{fault}: there is no {name}"
+            cited = re.search(rf"def {name}\((?:.|\n)*?\"\"\"((?:.|\n)*?)\"\"\"", places[0])
+            assert cited is not None
+            assert re.search(rf"\b{fault}\b", cited[1]), f"{name} does not name {fault}"
+
+
+def test_a_lost_xon_is_a_long_hold(tmp_path: Path) -> None:
+    """(fault L2) Nothing is sent on a guess; the warning says what to look at, once."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    drain(sender, 0.0, until_s=0.1)
+    sender.hear(XOFF, 0.1)
+    sent = sender.offset_bytes
+    events = [event for second in range(1000) for event in sender.tick(0.1 + second)]
+    assert alarm_ids(events) == ["DNC-L1"]
+    assert [event.severity for event in events if isinstance(event, Alarm)] == [Severity.WARNING]
+    assert (sender.state, sender.offset_bytes) == (JobState.HELD, sent)
+
+
+def test_a_lost_xoff_ends_by_the_controls_alarm(tmp_path: Path) -> None:
+    """(fault L3) Nobody here can see a lost XOFF; the control's overrun alarm stops the job with a window."""
+    tape = tape_of(tmp_path, PROGRAM)
+    sender = sender_of(tape)
+    sender.start(0.0)
+    drain(sender, 0.0, until_s=1.0)
+    assert alarm_ids(sender.hear(b"\x13\x15", 1.0)) == ["DNC-C2"]
+    assert sender.state is JobState.FAULTED
+    doubt = in_doubt(tape, sender.offset_bytes, 3, Control(receive_buffer_bytes=200, lookahead_blocks=2))
+    assert doubt is not None
+    assert "in doubt from line" in doubt_words(tape, doubt)
+
+
+def test_a_spurious_xoff_is_a_short_hold(tmp_path: Path) -> None:
+    """(fault L5) No alarm; the hold is counted."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    drain(sender, 0.0, until_s=0.1)
+    events = [*sender.hear(XOFF, 0.1), *sender.tick(0.4), *sender.hear(XON, 0.5)]
+    assert alarm_ids(events) == []
+    assert (sender.state, sender.tally.xoff_count) == (JobState.SENDING, 1)
+
+
+def test_flipped_and_dropped_bytes_are_the_controls_to_find(tmp_path: Path) -> None:
+    """(faults L8, L9) The control's alarm faults the job; the block being executed lies in the window."""
+    tape = tape_of(tmp_path, PROGRAM)
+    control = Control(receive_buffer_bytes=300, lookahead_blocks=5)
+    sender = sender_of(tape)
+    sender.start(0.0)
+    drain(sender, 0.0, until_s=1.0)
+    executed = tape.lines.line_at(tape, sender.offset_bytes - 3 - 300) - 5
+    sender.hear(b"\x13\x15", 1.0)
+    doubt = in_doubt(tape, sender.offset_bytes, 3, control)
+    assert doubt is not None
+    assert doubt.first <= executed <= doubt.last
+
+
+def test_no_byte_leaves_twice(tmp_path: Path) -> None:
+    """(fault L10) Every byte once, in order, whatever the holds (see also the rule-based machine, I1)."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    out, now_s = b"", 0.0
+    for _ in range(40):
+        more, now_s = drain(sender, now_s, until_s=now_s + 0.05)
+        sender.hear(XOFF, now_s)
+        now_s += 0.1
+        sender.hear(XON, now_s)
+        out += more
+    out += drain(sender, now_s)[0]
+    assert out == PROGRAM
+
+
+def test_a_close_that_blocks_is_left_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(fault A10) `close` gives up after its deadline and says so; the lock is free again."""
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    port = SerialPort(os.ttyname(slave), Link())
+    release = threading.Event()
+    really = serial.Serial.close
+    monkeypatch.setattr(serial.Serial, "close", lambda self: (release.wait(10), really(self))[1])
+    begun_s = time.monotonic()
+    assert not port.close()
+    assert 1.5 < time.monotonic() - begun_s < 4.0
+    release.set()
+    os.close(slave)
+    os.close(master)
+
+
+def test_no_permission_names_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(fault A11)"""
+    master, slave = pty.openpty()
+
+    def forbidden(**_options: object) -> serial.Serial:
+        raise serial.SerialException(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(serial, "Serial", forbidden)
+    with pytest.raises(PortUnavailable, match="usermod -aG dialout"):
+        SerialPort(os.ttyname(slave), Link())
+    os.close(slave)
+    os.close(master)
+
+
+def test_a_deep_fifo_does_not_widen_the_bound(tmp_path: Path) -> None:
+    """(fault A7) The clock alone bounds what is under way; the figure at XOFF is recorded."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(0.001, 3, lag_s=150e-6, slack=0.012))
+    sender.start(0.0)
+    now_s = 0.0
+    for _ in range(100):
+        sender.take(4096, now_s)
+        now_s += 0.0007
+    sender.hear(XOFF, now_s)
+    assert sender.tally.inflight_at_xoff_bytes_max <= 3
+
+
+def test_a_bound_beyond_what_the_control_forgives_is_said() -> None:
+    """(5.3; fault A6) Adapter latency counts: 10 bytes forgiven behind a 16 ms adapter need another handshake."""
+    import msgspec
+
+    profile = load_profile(shipped_path("machines", "sinumerik-840d"))
+
+    class Local:
+        is_bound_assured = True
+
+    strict = msgspec.structs.replace(
+        profile,
+        control=msgspec.structs.replace(profile.control, overrun_allowed_bytes=10),
+        link=msgspec.structs.replace(profile.link, adapter_latency_s=0.016),
+    )
+    (warning,) = line_warnings(strict, Local())  # type: ignore[arg-type]
+    assert "up to 19 bytes may arrive after XOFF, this control forgives 10" in warning
+    assert "driver" in warning
+    assert line_warnings(profile, Local()) == []  # type: ignore[arg-type]
+
+
+def test_waiting_at_m0_is_no_alarm(tmp_path: Path) -> None:
+    """(faults C6, C7) A hold at M0, a tool change or feed override 0 is neutral for two minutes, then a warning."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    sender.hear(XOFF, 0.0)
+    assert [event for second in range(119) for event in sender.tick(float(second))] == []
+    assert sender.state is JobState.HELD
+
+
+def test_what_the_control_says_is_kept_and_never_shown_raw(tmp_path: Path) -> None:
+    """(fault C12) Captured up to a limit, escaped, not obeyed."""
+    keep = Capture(tmp_path / "heard", 10)
+    keep(Noise(0.0, 0, b"ALARM 1\x1b[2J"))
+    keep(Noise(0.0, 0, b"more"))
+    assert (tmp_path / "heard").read_bytes() == b"ALARM 1\x1b[2"
+    assert printable("ALARM\x1b[2J\u202e") == "ALARM<1B>[2J<202E>"
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    assert alarm_ids(sender.hear(b"N10 M30", 0.1)) == []
+    assert sender.state is JobState.SENDING
