@@ -27,13 +27,15 @@ _LINE_LIMIT_BYTES = 65536
 _STAMP_LINES = 10
 _MOST_ALARMS = 100
 Progress = Callable[[int], None]
+Watch = Callable[[canon.Command], None]
 
 
 class Check:
     """The running check of one program; give it the lines in order, then finish."""
 
-    def __init__(self, limits: Limits, settings: Settings | None = None) -> None:
+    def __init__(self, limits: Limits, settings: Settings | None = None, watch: Watch | None = None) -> None:
         self.limits = limits
+        self._watch = watch
         self.found = Collection()
         self.track = Track(limits)
         self._settings = settings or Settings(is_drip_fed=True)
@@ -72,6 +74,11 @@ class Check:
         self.found.add(rate_findings(self._windows, self.limits))
         return self.found
 
+    @property
+    def need_bytes_s(self) -> float:
+        """What the worst 2 s of the program need of the line at 120 % override, bytes a second."""
+        return self._windows[-1].worst_bytes_s
+
     def _add(self, found: Iterable[Finding], line: int, block: int | None) -> None:
         for finding in found:
             self._errors_here |= finding.severity is Severity.ERROR
@@ -96,6 +103,8 @@ class Check:
                 self.found.add(rule(command, self.track), command.line, command.block)
             self.track.see_command(command)
             self._time(command)
+            if self._watch is not None:
+                self._watch(command)
             if isinstance(command, canon.Alarm) and self._interpreter is not None:
                 self._carry_on(command)
 
@@ -133,9 +142,9 @@ def lines_of(path: Path) -> Iterator[bytes]:
         raise InputRejected(f"cannot be read: {problem.strerror}", path=path, remedy="check the rights") from None
 
 
-def check_program(path: Path, limits: Limits, progress: Progress | None = None) -> Check:
-    """The finished check of a program file."""
-    check = Check(limits)
+def check_program(path: Path, limits: Limits, progress: Progress | None = None, watch: Watch | None = None) -> Check:
+    """The finished check of a program file; `progress` hears the bytes done, `watch` every canonical command."""
+    check = Check(limits, watch=watch)
     done = 0
     for number, raw in enumerate(lines_of(path), 1):
         if number == 1 and raw.startswith(UTF16_MARKS):

@@ -13,6 +13,8 @@ from planner.errors import ExitCode
 
 if TYPE_CHECKING:
     from dnc.check.finding import Collection
+    from dnc.check.run import Check
+    from dnc.check.sheet import SheetWatch
     from dnc.check.track import Limits
 
 
@@ -21,17 +23,27 @@ if TYPE_CHECKING:
 @click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
 @click.option("--job", type=click.Path(path_type=Path), help="job file: stock box and clearance of the part")
 @click.option("--baud", type=click.IntRange(50, 4_000_000), help="in place of the profile's")
+@click.option("--sheet", type=click.Path(path_type=Path), help="write a setup sheet as HTML")
 @click.option("--json", "as_json", is_flag=True, help="the report as JSON on stdout")
-def command(program: Path, machine: str, job: Path | None, baud: int | None, as_json: bool) -> int:
+def command(
+    program: Path, machine: str, job: Path | None, baud: int | None, sheet: Path | None, *, as_json: bool
+) -> int:
     """Interpret PROGRAM without moving anything and list what is wrong; exit 3 when an error is found."""
     from dnc.check.run import check_program
 
+    watch = None
     limits = _limits(machine, job, baud)
+    if sheet is not None:
+        from dnc.check.sheet import SheetWatch
+
+        watch = SheetWatch(limits)
     size_bytes = program.stat().st_size if program.is_file() else 0
     with click.progressbar(
         length=size_bytes, label="checking", file=sys.stderr, hidden=not sys.stderr.isatty() or size_bytes < 1_000_000
     ) as bar:
-        done = check_program(program, limits, lambda at: bar.update(at - bar.pos))
+        done = check_program(program, limits, lambda at: bar.update(at - bar.pos), watch)
+    if sheet is not None and watch is not None:
+        _write_sheet(sheet, program, watch, done)
     if as_json:
         click.echo(json.dumps({"program": program.name, **done.found.report(), "blocks": done.track.blocks}, indent=1))
     else:
@@ -53,6 +65,17 @@ def _limits(machine: str, job: Path | None, baud: int | None) -> Limits:
         return Limits(profile)
     setup = load_job(job).setup
     return Limits(profile, setup.clearance_z_mm, setup.stock_box_mm)
+
+
+def _write_sheet(sheet: Path, program: Path, watch: SheetWatch, done: Check) -> None:
+    from dnc.check.sheet import program_sheet
+    from dnc.planning import write_file
+    from planner.errors import InputRejected
+
+    page = program_sheet(program, watch, done.found, program.stat().st_size, done.track.blocks, done.need_bytes_s)
+    if page is None:
+        raise InputRejected("cuts nothing, so there is no setup sheet", path=program, remedy="leave --sheet away")
+    write_file(sheet, page.encode())
 
 
 def _print(program: Path, found: Collection, blocks: int) -> None:

@@ -1,0 +1,47 @@
+"""The setup sheet of a bare program."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from click.testing import CliRunner
+
+from dnc.check.sheet import SheetWatch
+from dnc.check.track import Limits
+from dnc.cli.check import command
+from dnc.cli.main import run_with
+from dnc.profile import load_profile
+from dnc.shipped import shipped_path
+from sim.interpreter import canon
+
+THESIS = Path(__file__).parents[2] / "golden/thesis-5000.mpf"
+
+
+def test_sheet_of_the_thesis_program(tmp_path: Path) -> None:
+    """(2.6): extents, tool, times; findings come first."""
+    sheet = tmp_path / "sheet.html"
+    done = CliRunner().invoke(command, [str(THESIS), "--sheet", str(sheet)], standalone_mode=False)
+    assert done.return_value == 3
+    page = sheet.read_text()
+    assert "1.260 to 50.000 mm" in page
+    assert "<td>T2</td>" in page
+    assert "13.29 mm backwards" in page
+    assert page.count("<polyline") >= 25
+    assert re.search(r"Cutting time</th><td>0:0[45]:", page)
+
+
+def test_nothing_cut_nothing_written(tmp_path: Path) -> None:
+    program, sheet = tmp_path / "p.mpf", tmp_path / "sheet.html"
+    program.write_text("G0 Z50\nM30\n")
+    assert run_with(["check", str(program), "--sheet", str(sheet)]) == 3
+    assert not sheet.exists()
+
+
+def test_picture_stays_bounded() -> None:
+    """(6.10)"""
+    watch = SheetWatch(Limits(load_profile(shipped_path("machines", "sinumerik-840d"))))
+    for number in range(60_000):
+        start, end = ((number + step) % 500 * 0.1 for step in (0, 1))
+        watch(canon.Line(1, None, (start, 0.0, 0.0), (end, 0.0, 0.0), 250.0))
+    assert sum(map(len, watch.lines)) < 20_000
