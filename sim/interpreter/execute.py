@@ -26,6 +26,7 @@ _PLAIN_MODALS = (
     (ModalGroup.DIMENSION, "dimension"),
     (ModalGroup.UNITS, "units"),
     (ModalGroup.WORK_OFFSET, "work_offset"),
+    (ModalGroup.COMPENSATION, "compensation"),
     (ModalGroup.CORNER, "corner"),
     (ModalGroup.FEED_CORRECTION, "feed_correction"),
     (ModalGroup.SPLINE_START, "spline_start"),

@@ -10,6 +10,7 @@ from planner.gcode.codes import SPLINE_CODES
 from sim.interpreter import canon, moves
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.canon import Vector
+from sim.interpreter.compensation import Compensator, Side
 from sim.interpreter.feeds import PathFeed
 from sim.interpreter.frames import add, norm, scaled, subtract
 from sim.interpreter.mapping import Mapping, mapping_of
@@ -37,11 +38,12 @@ class Mover:
     def __init__(self, settings: Settings, state: State, outlet: Outlet) -> None:
         self._settings, self._state, self._outlet = settings, state, outlet
         self._spline: SplineBuilder | None = None
+        self._contour: Compensator | None = None
 
     @property
     def is_waiting(self) -> bool:
-        """Whether a spline has begun that has not ended."""
-        return self._spline is not None
+        """Whether a spline or a compensated contour has begun that has not ended."""
+        return self._spline is not None or self._contour is not None
 
     def finish_spline(self, tangent: Vector | None) -> None:
         """The spline, if one runs, ends here; `tangent` is the direction of what follows, or None."""
@@ -54,6 +56,9 @@ class Mover:
     def finish(self) -> None:
         """Complete whatever waits for more blocks."""
         self.finish_spline(None)
+        contour, self._contour = self._contour, None
+        if contour is not None:
+            contour.close()
 
     def move(self, request: Request) -> None:
         """Carry out the move a block asks for, if it asks for one."""
@@ -138,9 +143,41 @@ class Mover:
         tangent = start_tangent(motion)
         self.finish_spline(tangent)
         self._check_area(motion)
-        self._outlet.put(motion)
+        self._beside_contour(motion)
         self._state.position_mm = motion.end
         self._state.tangent = end_tangent(motion) or self._state.tangent
+
+    def _beside_contour(self, motion: canon.Motion) -> None:
+        """Straight out, or by the compensated contour that G41 or G42 has begun."""
+        state = self._state
+        if state.compensation == "G40" and self._contour is None:
+            self._outlet.put(motion)
+            return
+        if state.compensation == "G40":
+            contour, self._contour = self._contour, None
+            assert contour is not None
+            contour.leave(motion, self._outlet.reserve())
+            return
+        side = self._side()
+        if self._contour is None:
+            self._contour = Compensator(side, state.position_mm)
+        elif self._contour.side != side:
+            text = "side, radius or plane change inside a compensated contour; G40 before is expected"
+            raise ControlAlarm(AlarmNumber.COMPENSATION, text)
+        self._contour.push(motion, self._outlet.reserve())
+
+    def _side(self) -> Side:
+        state = self._state
+        tool = self._settings.tools.get(state.tool)
+        if tool is None and state.edge:
+            text = f"the radius of tool T{state.tool} is not known; a tool of the table is expected"
+            raise ControlAlarm(AlarmNumber.COMPENSATION, text)
+        radius = tool.radius_mm if tool is not None and state.edge else 0.0
+        frame = state.frame
+        normal = frame.direction(moves.unit_axis(state.plane_axes[2]))
+        scale = norm(normal)
+        sign = 1.0 if state.compensation == "G41" else -1.0
+        return Side(scaled(normal, frame.handedness / scale), sign * radius, state.corner, state.feed_correction)
 
     def _check_area(self, motion: canon.Motion) -> None:
         state = self._state
@@ -317,6 +354,10 @@ class Mover:
 
     def _spline_point(self, code: str, target: Target, request: Request) -> None:
         state, block = self._state, request.block
+        if state.compensation != "G40" or self._contour is not None:
+            raise ControlAlarm(
+                AlarmNumber.COMPENSATION, "splines are not compensated; G40 with a straight move is expected"
+            )
         feed = self._feed(request)
         request.polynomials.clear()
         if self._spline is not None and self._spline.code != code:
