@@ -59,8 +59,8 @@ def test_the_pseudo_terminal_cannot_hide_overshoot(tmp_path: Path) -> None:
         assert mill.terminate() == 143
     report = mill.report
     jsonschema.validate(report, SCHEMA)
-    assert report["overrun_bytes"] > 100
-    assert report["overshoot_bytes_max"] > 100
+    assert report["overrun_bytes"] > 0
+    assert report["overshoot_bytes_max"] > 32
     assert [alarm["number"] for alarm in report["alarms"]] == [87]
 
 

@@ -1,0 +1,28 @@
+"""`dnc console`: the operator's screen in a terminal."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command(epilog="Example: dnc console --machine sinumerik-840d")
+@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
+@click.option("--modbus", metavar="HOST:PORT", envvar="DNC_MODBUS", help="in place of the profile's")
+@click.option("--low-power", is_flag=True, help="redraw once a second in place of twice")
+def command(machine: str, modbus: str | None, *, low_power: bool) -> int:
+    """Watch the running job and its machine, hold it, let it go on, abort it.
+
+    It attaches to any `dnc send` on this computer and to the machine's Modbus. Leaving or killing it leaves the job
+    alone. No key of it is an emergency stop.
+    """
+    from dnc.console.app import Console, Machine
+    from dnc.places import config_folder, runtime_folder
+    from dnc.profile import load_profile, profile_path
+    from dnc.status.job import JobWatcher
+    from dnc.status.monitor import modbus_of
+
+    path = profile_path(machine, config_folder() / "machines")
+    modbus_settings = modbus_of(load_profile(path).modbus, modbus)
+    console = Console(Machine(machine, path), modbus_settings, JobWatcher(runtime_folder()), 1.0 if low_power else 0.5)
+    console.run()
+    return console.return_code or 0

@@ -1,0 +1,196 @@
+"""The operator's console: a screen over a running job and its machine; it watches, and asks the job to pause or go on.
+
+It owns neither the port nor the job: killing it changes nothing at the machine.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+from multiprocessing import get_context
+from pathlib import Path
+
+from rich.console import Group
+from rich.style import Style
+from rich.text import Text
+from textual.app import App, ComposeResult
+from textual.events import Key
+from textual.widgets import Static
+
+from dnc.console.alarms import AlarmList, present_alarms
+from dnc.console.forecast import Forecast, forecast
+from dnc.console.rows import Row, Tone
+from dnc.console.view import Known, planned, screen
+from dnc.profile import Modbus
+from dnc.status.job import JobReading, JobWatcher
+from dnc.status.monitor import StatusMonitor
+
+STYLES = {
+    Tone.PLAIN: Style(),
+    Tone.QUIET: Style(dim=True),
+    Tone.STRONG: Style(bold=True),
+    Tone.RUNS: Style(color="black", bgcolor="green", bold=True),
+    Tone.ABNORMAL: Style(color="black", bgcolor="yellow", bold=True),
+    Tone.FAULT: Style(color="white", bgcolor="red", bold=True),
+    Tone.ASKS: Style(color="white", bgcolor="blue", bold=True),
+    Tone.SIMULATED: Style(reverse=True, bold=True),
+}
+_KEYS = {
+    "f1": "help",
+    "question_mark": "help",
+    "f5": "resume",
+    "r": "resume",
+    "f6": "hold",
+    "space": "hold",
+    "h": "hold",
+    "f8": "abort",
+    "x": "abort",
+    "f9": "acknowledge",
+    "k": "acknowledge",
+    "f10": "leave",
+    "q": "leave",
+    "ctrl+c": "leave",
+}
+"""Ctrl-S and Ctrl-Q are not among them: they stop and start the operator's own terminal."""
+
+_QUESTIONS = {
+    "resume": ("enter", "RESUME the job? The axes may move as soon as data comes. Enter: yes, any other key: no"),
+    "abort": ("a", "ABORT the job? It may cut a block; the control then needs a reset. A: yes, any other key: no"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """The machine that is watched: its name, and its profile for the forecast."""
+
+    name: str
+    profile: Path
+
+
+class Console(App[None], inherit_bindings=False):
+    """Redraws twice a second; acts on keys at once."""
+
+    ENABLE_COMMAND_PALETTE = False
+    CSS = "Screen { overflow: hidden; } Static { width: 100%; height: 100%; }"
+
+    def __init__(self, machine: Machine, modbus: Modbus, watcher: JobWatcher, redraw_s: float = 0.5) -> None:
+        super().__init__()
+        self.machine, self.watcher = machine, watcher
+        self.monitor = StatusMonitor(modbus)
+        self.alarms = AlarmList()
+        self.question = ""
+        self.notice = ""
+        self.is_help = False
+        self._redraw_s = redraw_s
+        self._forecasts: dict[str, Forecast | None] = {}
+        self._tasks: list[asyncio.Task[None]] = []
+        self._face = Static("", markup=False)
+
+    def compose(self) -> ComposeResult:
+        """One widget: the view is made of text."""
+        yield self._face
+
+    async def on_mount(self) -> None:
+        """Begin to watch."""
+        self._tasks = [asyncio.create_task(self.monitor.run()), asyncio.create_task(self.watcher.run())]
+        self.set_interval(self._redraw_s, self.redraw_face)
+        self.redraw_face()
+
+    async def on_unmount(self) -> None:
+        """Stop watching; the job goes on."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def on_resize(self) -> None:
+        """Another size of terminal."""
+        self.redraw_face()
+
+    def on_key(self, event: Key) -> None:
+        """A waiting question takes the next key, whatever it is; else the key does what it is for."""
+        event.stop()
+        if self.question:
+            what, self.question = self.question, ""
+            if event.key == _QUESTIONS[what][0]:
+                self.order(what)
+            else:
+                self.notice = f"no {what}"
+        else:
+            self._do(_KEYS.get(event.key, ""))
+        self.redraw_face()
+
+    def order(self, what: str) -> None:
+        """Ask the job's process."""
+        self.notice = f"asked the job: {what}" if self.watcher.order(what) else f"no {what}: there is no job to ask"
+
+    def _do(self, verb: str) -> None:
+        self.notice = "" if verb else self.notice
+        match verb:
+            case "help":
+                self.is_help = not self.is_help
+            case "hold":
+                self.order("pause")
+            case "resume" | "abort":
+                self.question = verb
+            case "acknowledge":
+                self.alarms.acknowledge()
+            case "leave":
+                job = self.watcher.reading()
+                is_running = job is not None and job.is_attached
+                self.exit(message="The job goes on; dnc console shows it again." if is_running else None)
+
+    def redraw_face(self) -> None:
+        """Everything anew from what is known now."""
+        job = self.watcher.reading()
+        status = self.monitor.status()
+        if self.alarms.update(present_alarms(job, status)):
+            self.bell()
+        now = datetime.now().astimezone()
+        known = Known(
+            clock=now.strftime("%H:%M:%S"),
+            machine_name=self.machine.name,
+            job=job,
+            machine=status,
+            forecast=self._forecast_of(job),
+            alarms=self.alarms.lines(),
+            question=_QUESTIONS[self.question][1] if self.question else "",
+            notice=self.watcher.answer or self.notice,
+            is_help=self.is_help,
+        )
+        known = _with_end(known, now)
+        size = self.size
+        self._face.update(Group(*(_text(one) for one in screen(known, size.width, size.height))))
+
+    def _forecast_of(self, job: JobReading | None) -> Forecast | None:
+        """The plan's clock of this program; made in a process of its own the first time it is wanted."""
+        if job is None:
+            return None
+        key = str(job.snapshot.get("sha256"))
+        if key not in self._forecasts:
+            self._forecasts[key] = None
+            self._tasks.append(asyncio.create_task(self._make_forecast(key, Path(str(job.snapshot.get("program"))))))
+        return self._forecasts[key]
+
+    async def _make_forecast(self, key: str, program: Path) -> None:
+        loop = asyncio.get_running_loop()
+        pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+        try:
+            self._forecasts[key] = await loop.run_in_executor(pool, forecast, program, self.machine.profile)
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _with_end(known: Known, now: datetime) -> Known:
+    plan = planned(known)
+    if plan is None:
+        return known
+    return replace(known, end_clock=(now + timedelta(seconds=plan[1] - plan[0])).strftime("%H:%M"))
+
+
+def _text(spans: Row) -> Text:
+    line = Text(no_wrap=True, overflow="crop", end="")
+    for span in spans:
+        line.append(span.text, STYLES[span.tone])
+    return line
