@@ -46,6 +46,14 @@ class GapCusps:
     gap: Indices
     cusps: Cusps
 
+    def with_more(self, other: GapCusps) -> GapCusps:
+        """These and the other cusps."""
+        names = (field.name for field in fields(Cusps))
+        both = {
+            name: np.concatenate([getattr(self.cusps, name), getattr(other.cusps, name)], axis=-1) for name in names
+        }
+        return GapCusps(np.concatenate([self.gap, other.gap]), Cusps(**both))
+
 
 def border_heights(surface: OffsetSurface, border: Border, planes_mm: Array) -> BorderHeights:
     """Heights along the border left by the passes on either side, eq. (13)."""

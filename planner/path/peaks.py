@@ -80,7 +80,11 @@ def survey_at(ground: Ground, planes_mm: Array, tops: GapCusps) -> Peaks:
     ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
     guess = guess_from(tops.cusps)
     moved = inner_cusps(ground.surface, ground.seeds, planes_mm, tops.gap, tops.cusps.x, 0.0, guess)
-    return _peaks(ground, heights, planes_mm, ends, moved, 0)
+    (u_low, u_high), (v_low, v_high) = ground.surface.patch.domain
+    u, v = moved.cusps.foot
+    is_inside = (u >= u_low) & (u <= u_high) & (v >= v_low) & (v <= v_high)
+    inside = GapCusps(moved.gap[is_inside], moved.cusps.take(is_inside))
+    return _peaks(ground, heights, planes_mm, ends, inside, 0)
 
 
 def strip_behind(ground: Ground, planes_mm: Array) -> tuple[float, float]:
@@ -107,12 +111,18 @@ def _stations(gap: Indices, start: Array, stop: Array, spacing_mm: float) -> tup
 
 
 def _tops(ground: Ground, inner: GapCusps, planes_mm: Array, rounds: int = 3) -> GapCusps:
-    """The highest interior maximum of every gap: the slope's zero between two stations, by repeated interpolation."""
+    """Interior maxima: the slope's zero between two stations, by repeated interpolation.
+
+    Of each gap those are followed that promise nine tenths of its highest.
+    """
     cusps, gap = inner.cusps, inner.gap
     rises = (gap[1:] == gap[:-1]) & (cusps.slope[:-1] > 0) & (cusps.slope[1:] < 0)
     left = np.flatnonzero(rises)
     top, place = _hermite_top(*_bracket(cusps, left, left + 1))
     best = _best_of_each(gap[left], top)
+    highest = np.zeros(len(planes_mm))
+    highest[gap[left[best]]] = top[best]
+    best = np.flatnonzero(top >= 0.9 * highest[gap[left]])
     left, place, right = left[best], place[best], left[best] + 1
     low, high = cusps.take(left), cusps.take(right)
     found = inner_cusps(ground.surface, ground.seeds, planes_mm, gap[left], place, 0.0, guess_from(low))
@@ -139,7 +149,7 @@ def _hermite_top(
     x_low: Array, x_high: Array, h_low: Array, h_high: Array, slope_low: Array, slope_high: Array
 ) -> tuple[Array, Array]:
     """The maximum of the cubic through two points with a rising slope first and a falling one after, eq. (14)."""
-    run = np.maximum(x_high - x_low, 1e-300)
+    run = np.maximum(x_high - x_low, 1e-12)
     rise = (h_high - h_low) / run
     bend = 3 * (slope_low + slope_high - 2 * rise)
     mid = 3 * rise - 2 * slope_low - slope_high
@@ -162,9 +172,8 @@ def _peaks(
     ground: Ground, heights: BorderHeights, planes_mm: Array, ends: GapCusps, tops: GapCusps, missed: int
 ) -> Peaks:
     """The highest cusp of each gap among the ends of its lines and its interior maxima."""
-    gap = np.concatenate([ends.gap, tops.gap])
-    names = Cusps.__slots__
-    every = Cusps(*(np.concatenate([getattr(ends.cusps, n), getattr(tops.cusps, n)], axis=-1) for n in names))
+    both = ends.with_more(tops)
+    gap, every = both.gap, both.cusps
     best = _best_of_each(gap, np.where(every.is_found, every.height_mm, -np.inf))
     best = best[every.is_found[best]]
     height, by_a, by_b, x = (np.zeros(len(planes_mm) - 1) for _ in range(4))

@@ -37,12 +37,12 @@ class PickFeeds:
     end: ChainEnd
 
 
-def solve_pick_feeds(ground: Ground, scallop_mm: float, *, accuracy_mm: float, sweeps: int = 20) -> PickFeeds:
+def solve_pick_feeds(ground: Ground, scallop_mm: float, *, accuracy_mm: float, sweeps: int = 40) -> PickFeeds:
     """The fewest parallel planes whose passes leave at most `scallop_mm` anywhere, each as far on as it can be.
 
     `accuracy_mm` bounds what is left open of each gap's height. The first pass is the furthest that keeps the border
-    before it, the last the first that keeps the border behind it. Between full surveys the chain is settled on the
-    maxima that the last survey found.
+    before it, the last the first that keeps the border behind it. Between full surveys the chain is settled on all
+    maxima that the surveys have found, so that two that outdo each other in turn are both kept in sight.
     """
     planes = _first_chain(ground, scallop_mm)
     peaks, tops = survey(ground, planes, scallop_mm, coarse=4)
@@ -59,9 +59,8 @@ def solve_pick_feeds(ground: Ground, scallop_mm: float, *, accuracy_mm: float, s
             planes = _newton_chain(planes, peaks, scallop_mm)
         is_full = is_settled
         if is_full:
-            peaks, tops = survey(ground, planes, scallop_mm)
-        else:
-            peaks = survey_at(ground, planes, tops)
+            tops = tops.with_more(survey(ground, planes, scallop_mm)[1])
+        peaks = survey_at(ground, planes, tops)
     planes = _with_last(ground, planes, scallop_mm, accuracy_mm)
     return PickFeeds(planes, _trimmed(ground, peaks, planes, scallop_mm), end)
 

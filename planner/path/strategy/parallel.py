@@ -49,8 +49,7 @@ def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float) -> La
     if wishes.scallop_mm is not None:
         feeds = solve_pick_feeds(ground, wishes.scallop_mm, accuracy_mm=accuracy_mm)
         if feeds.end is not ChainEnd.SETTLED:
-            where = f" near (u, v) = ({feeds.peaks.foot[0, -1]:.4g}, {feeds.peaks.foot[1, -1]:.4g})"
-            raise InputRejected(f"{patch.name}: {feeds.end.value}{where}", remedy="give a fixed pick_feed_mm instead")
+            raise InputRejected(f"{patch.name}: {feeds.end.value}{_place(feeds.peaks)}", remedy="give pick_feed_mm")
         planes_mm, peaks = feeds.planes_mm, feeds.peaks
     else:
         assert wishes.pick_feed_mm is not None
@@ -76,6 +75,14 @@ def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
         inside = seeds.parameters[:, (u >= u_low) & (u <= u_high) & (v >= v_low) & (v <= v_high)]
         least_mm = float(local_pick_feed(surface, inside, wishes.scallop_mm).min())
     return lay_ground(surface, seeds, pick_feed_mm=least_mm)
+
+
+def _place(peaks: Peaks) -> str:
+    """Where the highest gap is, for a message."""
+    if not len(peaks.height_mm):
+        return ""
+    u, v = peaks.foot[:, int(np.argmax(peaks.height_mm))]
+    return f", near (u, v) = ({u:.4g}, {v:.4g})"
 
 
 def run_passes(ground: Ground, planes_mm: Array, angle_rad: float) -> list[TracedCurve]:

@@ -1,0 +1,146 @@
+"""Pick feeds: the reference numbers, the exact target in every gap, and the paper's own scheme."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import fsolve, minimize_scalar
+
+from planner.path.model import DrivingPlane
+from planner.path.offset import OffsetSurface
+from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
+from planner.path.trace import trace
+from planner.surface.patch import NurbsPatch
+from tests.planner.surfaces import cylinder_patch, plane_patch, slope_patch, sphere_patch, thesis_patch, wavy_patch
+
+R = 4.0
+
+
+def planned(patch: NurbsPatch, scallop_mm: float, angle_deg: float = 0.0) -> Layout:
+    return lay_parallel(patch, Wishes(R, np.radians(angle_deg), scallop_mm, None), accuracy_mm=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("scallop_mm", "count", "first", "last", "length_mm"),
+    [
+        (0.08, 32, (1.7418, 3.2955, 4.8613, 6.4333), 49.6810, 1576.90),
+        (0.01, 88, (1.2249, 1.7709, 2.3204, 2.8724), 49.7356, 4337.16),
+    ],
+)
+def test_reference_numbers(
+    scallop_mm: float, count: int, first: tuple[float, ...], last: float, length_mm: float
+) -> None:
+    """(4.2) Thesis surface, R 4, planes y = const: places of the passes, their number and their length, v in [0, 1].
+
+    The reference is printed to 0.1 um of a millimetre's fourth decimal, hence 0.06 um of rounding beside the 1 um.
+    """
+    layout = planned(thesis_patch(), scallop_mm)
+    assert len(layout.planes_mm) == count
+    assert np.abs(layout.planes_mm[:4] - first).max() < 1e-4
+    assert abs(layout.planes_mm[-1] - last) < 1e-4
+    assert abs(length_within_v(layout) - length_mm) < 0.005
+    if scallop_mm == 0.08:
+        assert abs(np.diff(layout.planes_mm).max() - 1.5808) < 1e-4
+
+
+SURFACES = {
+    "thesis 35": thesis_patch(),
+    "thesis 30": thesis_patch(30),
+    "wavy": wavy_patch(4),
+    "45 degrees": slope_patch(),
+    "cylinder": cylinder_patch(),
+    "sphere": sphere_patch(),
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize(("scallop_mm", "angle_deg"), [(0.08, 0.0), (0.01, 90.0), (0.005, 28.0)])
+def test_every_gap_reaches_the_target_and_none_exceeds_it(name: str, scallop_mm: float, angle_deg: float) -> None:
+    """(4.1) 99.5 to 100 % of the target between every two neighbours, the last gap less; the border within it too."""
+    layout = planned(SURFACES[name], scallop_mm, angle_deg)
+    heights = layout.peaks.height_mm
+    assert heights.max() <= scallop_mm + 2e-8
+    assert layout.peaks.first_mm <= scallop_mm + 2e-8
+    assert layout.peaks.last_mm <= scallop_mm + 2e-8
+    inner = heights[:-1][heights[:-1] > 0]
+    assert len(inner) >= len(heights) - 3, "at most the first and last gaps may miss the patch"
+    assert inner.min() >= 0.995 * scallop_mm
+
+
+def test_the_scheme_of_the_paper_gives_the_same_next_pass() -> None:
+    """(4.2) Equations 3.25-3.27: the place on pass A where the height is h_tol leads to the next pass's centre."""
+    layout = planned(wavy_patch(4, height_mm=0.6), 0.08)
+    for gap in np.flatnonzero((layout.peaks.x > 8) & (layout.peaks.x < 52))[[2, 9]]:
+        before, after = layout.planes_mm[gap : gap + 2]
+        next_plane = paper_next_plane(layout.ground.surface, before, 0.08, layout.peaks.x[gap])
+        assert abs(next_plane - after) < 1e-6
+
+
+def test_one_pass_is_enough_for_a_narrow_patch() -> None:
+    layout = planned(plane_patch(0.6), 0.05)
+    assert len(layout.planes_mm) == 1
+    assert max(layout.peaks.first_mm, layout.peaks.last_mm) <= 0.05 + 1e-8
+
+
+def length_within_v(layout: Layout) -> float:
+    """Length of all passes between v = 0 and v = 1, on the extended patch where u leaves it."""
+    surface, seeds = layout.ground.surface, layout.ground.seeds
+    runs = np.array([[x_at(surface, y, 0.0), x_at(surface, y, 1.0)] for y in layout.planes_mm])
+    planes = [DrivingPlane(0.0, float(y)) for y in layout.planes_mm]
+    return sum(curve.length_mm for curve in trace(surface, seeds, planes, runs, spacing_mm=1.0))
+
+
+def x_at(surface: OffsetSurface, y_mm: float, v: float) -> float:
+    u = np.array([y_mm / 50])
+    for _ in range(30):
+        found = surface.evaluate(u, np.array([v]))
+        u = u + (y_mm - found.centre[1]) / found.centre_u[1]
+    return float(found.centre[0, 0])
+
+
+def paper_next_plane(surface: OffsetSurface, plane_mm: float, scallop_mm: float, x_max: float) -> float:
+    """The least next plane over all places of pass A near the worst one, solved point by point."""
+
+    def at(u: float, v: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        found = surface.evaluate(np.array([u]), np.array([v]))
+        return found.contact[:, 0], found.normal[:, 0], found.centre[:, 0]
+
+    def centre_on(x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
+        u, v = solved(lambda p: at(*p)[2][:2] - [x, y], [y / 60, x / 60])
+        _, normal, centre = at(u, v)
+        return centre, np.array([normal[2], 0, -normal[0]]) / np.hypot(normal[0], normal[2])
+
+    def next_plane(x: float) -> float:
+        centre, tangent = centre_on(x, plane_mm)
+        side = np.array([0.0, 1.0, 0.0])
+        down = np.cross(tangent, side)
+        down *= -np.sign(down[2])
+
+        def cusp_misses(unknowns: np.ndarray) -> np.ndarray:
+            theta, u, v = unknowns
+            contact, normal, _ = at(u, v)
+            return centre + R * (np.cos(theta) * down + np.sin(theta) * side) - contact - scallop_mm * normal
+
+        theta = solved(cusp_misses, [0.2, plane_mm / 60 + 0.01, x / 60])[0]
+        cusp = centre + R * (np.cos(theta) * down + np.sin(theta) * side)
+
+        def ball_misses(parameters: np.ndarray) -> list[float]:
+            _, normal, other = at(*parameters)
+            away = cusp - other
+            return [away @ away - R**2, away[0] * normal[2] - away[2] * normal[0]]
+
+        u, v = solved(ball_misses, [(plane_mm + 1.6) / 60, x / 60])
+        return float(at(u, v)[2][1])
+
+    reach = (x_max - 2.0, x_max + 2.0)
+    inner = minimize_scalar(next_plane, bounds=reach, method="bounded", options={"xatol": 1e-9})
+    return float(inner.fun)
+
+
+def solved(misses: Callable[[np.ndarray], Any], start: list[float]) -> np.ndarray:
+    found, state, _, _ = fsolve(misses, start, xtol=1e-13, full_output=True)
+    assert np.abs(state["fvec"]).max() < 1e-9
+    return found

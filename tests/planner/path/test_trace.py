@@ -1,0 +1,82 @@
+"""Traced curves lie on plane and offset surface, at any arc length, and end where the border wants them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.path.strategy.parallel import Wishes, lay_parallel
+from planner.surface.patch import NurbsPatch
+from tests.planner.surfaces import cylinder_patch, plane_patch, slope_patch, sphere_patch, thesis_patch, wavy_patch
+
+PATCHES = {
+    "thesis 35": thesis_patch(),
+    "thesis 30": thesis_patch(30),
+    "wavy": wavy_patch(),
+    "45 degrees": slope_patch(),
+    "plane": plane_patch(),
+    "cylinder": cylinder_patch(),
+    "sphere": sphere_patch(),
+}
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 37.0, 90.0])
+@pytest.mark.parametrize("name", PATCHES)
+def test_every_point_is_the_ball_touching_the_surface_in_the_plane(name: str, angle_deg: float) -> None:
+    """(1.2) |CL - CC| = R along the normal, CL in the plane, tangent and curvature as the points themselves say."""
+    patch = PATCHES[name]
+    layout = lay_parallel(patch, Wishes(4.0, np.radians(angle_deg), None, 3.0), accuracy_mm=1e-7)
+    for curve in layout.curves[:: max(len(layout.curves) // 3, 1)]:
+        arc = np.linspace(0, curve.length_mm, 3000)
+        samples = curve.refine(arc)
+        contact = patch.evaluate(*samples.parameters.T)
+        centres = curve.plane.to_work(samples.points).T
+        normal = np.cross(contact.du, contact.dv, axis=0)
+        normal *= np.sign(normal[2]) / np.linalg.norm(normal, axis=0)
+        assert np.abs(contact.point + 4.0 * normal - centres).max() < 2e-10
+        step = np.diff(samples.points, axis=0)
+        chord = np.hypot(*step.T)
+        assert abs(chord.sum() - curve.length_mm) < 1e-4 * curve.length_mm
+        middle = (samples.tangents[1:] + samples.tangents[:-1]) / 2
+        assert np.abs(step / chord[:, None] - middle / np.hypot(*middle.T)[:, None]).max() < 1e-4
+        turn = np.diff(np.arctan2(samples.tangents[:, 1], samples.tangents[:, 0])) / chord
+        assert np.abs(turn - (samples.curvatures[1:] + samples.curvatures[:-1]) / 2).max() < 2e-3
+
+
+def test_refine_returns_the_nodes_at_their_arc_lengths() -> None:
+    layout = lay_parallel(thesis_patch(), Wishes(4.0, 0.0, None, 5.0), accuracy_mm=1e-7)
+    curve = layout.curves[2]
+    again = curve.refine(curve.arc_mm)
+    assert np.abs(again.points - curve.points).max() < 1e-10
+    assert np.abs(again.curvatures - curve.curvatures).max() < 1e-8
+
+
+def test_a_plane_is_traced_as_its_parallel() -> None:
+    """Closed form: over z = y tan a the CL plane is R / cos a higher; the pass is straight."""
+    slope = np.tan(np.radians(30))
+    layout = lay_parallel(plane_patch(20.0, slope), Wishes(4.0, 0.0, None, 2.0), accuracy_mm=1e-7)
+    for curve in layout.curves:
+        height = slope * curve.plane.offset_mm + 4.0 / np.cos(np.radians(30))
+        assert np.abs(curve.points[:, 1] - height).max() < 1e-10
+        assert np.abs(curve.curvatures).max() < 1e-10
+
+
+def test_a_horseshoe_is_cut_in_two_branches_a_plane() -> None:
+    """Planes that meet the patch twice give two passes; none crosses the hole."""
+    layout = lay_parallel(horseshoe(), Wishes(2.0, 0.0, None, 1.5), accuracy_mm=1e-7)
+    ends = [(curve.plane.offset_mm, curve.points[0, 0], curve.points[-1, 0]) for curve in layout.curves]
+    low = [end for end in ends if end[0] < 15]
+    assert len(low) == 2 * len({end[0] for end in low})
+    for _, start, stop in low:
+        assert stop < -9.9 or start > 9.9
+    assert len([end for end in ends if end[0] > 21]) == len({end[0] for end in ends if end[0] > 21})
+
+
+def horseshoe() -> NurbsPatch:
+    """A flat half ring, radii 20 and 30 about (0, 0), y >= 0, with straight legs: a rational patch, z = 0."""
+    half = np.sqrt(0.5)
+    ring = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0]], dtype=float)
+    weights = np.array([1, half, 1, half, 1])
+    points = np.stack([np.column_stack([radius * ring, np.zeros(5)]) for radius in (20.0, 30.0)])
+    knots = np.array([0, 0, 0, 1, 1, 2, 2, 2], dtype=float)
+    return NurbsPatch(1, 2, np.array([0.0, 0, 1, 1]), knots, points, np.stack([weights, weights]))
