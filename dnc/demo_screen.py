@@ -49,7 +49,10 @@ def _line(report: Report) -> list[str]:
     window, mill = report["window"], report["mill"]
     send, window_mill = window["send"], window["mill"]
     return [
-        f"  line at {send['baud']} baud, true speed, {send['elapsed_s']:.1f} s window:",
+        (
+            f"  line at {send['baud']} baud, true speed, {send['elapsed_s']:.1f} s window"
+            f" (feed override {window['feed_override_percent']:g} %):"
+        ),
         (
             f"    held {send['xoff_count']} times, {send['held_s']:.1f} s;"
             f" at most {window_mill['overshoot_bytes_max']} bytes arrived after a stop began;"

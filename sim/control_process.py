@@ -60,7 +60,7 @@ def _work(wire: Wire, setup: Setup) -> None:
         if log is not None:
             log.close()
     if not wire.is_closed:
-        wire.send(Result(_report(mill, nominal, setup.probe_pitch_mm)))
+        wire.send(Result(_report(mill, nominal, setup)))
 
 
 def _serve_modbus(setup: Setup) -> ModbusEnd:
@@ -101,8 +101,8 @@ def _live(wire: Wire, mill: LiveMill, modbus: ModbusEnd, speed: float) -> None:
         is_over |= wire.is_closed
 
 
-def _report(mill: LiveMill, nominal: Nominal | None, probe_pitch_mm: float) -> dict[str, Any]:
-    """The control's half of the report."""
+def _report(mill: LiveMill, nominal: Nominal | None, setup: Setup) -> dict[str, Any]:
+    """The control's half of the report; draws the deviation map where one is wanted."""
     starved = mill.machine.starved
     ended_s = mill.machine.time_s if mill.completed_s is None else mill.completed_s
     report: dict[str, Any] = {
@@ -127,7 +127,11 @@ def _report(mill: LiveMill, nominal: Nominal | None, probe_pitch_mm: float) -> d
             BallTool(nominal.cutter.radius_mm),
             mill.machine.travelled,
             reference=nominal.reference,
-            probe_pitch_mm=probe_pitch_mm,
+            probe_pitch_mm=setup.probe_pitch_mm,
         )
         report |= verdict.report()
+        if setup.plot is not None:
+            from sim.plot import plot_deviation
+
+            plot_deviation(verdict, setup.plot)
     return report

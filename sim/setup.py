@@ -22,3 +22,4 @@ class Setup:
     nominal: Path | None
     motion: Path | None
     probe_pitch_mm: float
+    plot: Path | None = None

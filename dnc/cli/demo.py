@@ -22,6 +22,6 @@ def command(out: Path, machine: str, job: Path | None, speed: float, window: flo
     from dnc.demo_screen import demo_screen
     from dnc.shipped import shipped_path
 
-    settings = Settings(job or shipped_path("jobs", "thesis"), machine, speed, window)
+    settings = Settings(job or shipped_path("jobs", "thesis"), machine, speed, window, 1500.0)
     report = run_chain(out, settings, elapsed(lambda text: click.echo(text, err=True)))
     click.echo(json.dumps(report, indent=1) if as_json else demo_screen(report, out), nl=as_json)

@@ -21,6 +21,7 @@ import click
 @click.option("--probe-pitch", type=click.FloatRange(min=0.001), default=0.1, show_default=True, help="mm")
 @click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON at the end")
 @click.option("--motion", type=click.Path(path_type=Path), help="write the motion log as CSV")
+@click.option("--plot", type=click.Path(path_type=Path), help="draw the deviation map as PNG (with --nominal)")
 def command(
     machine: str,
     link: Path | None,
@@ -33,6 +34,7 @@ def command(
     probe_pitch: float,
     report: Path | None,
     motion: Path | None,
+    plot: Path | None,
 ) -> int:
     """Be a mill at the other end of the cable (SIMULATED).
 
@@ -49,6 +51,8 @@ def command(
     from sim.profile import load_mill_profile
     from sim.setup import Setup
 
+    if plot is not None and nominal is None:
+        raise click.UsageError("--plot needs the design surface; name the job file with --nominal")
     path = profile_path(machine, config_folder() / "machines")
     profile = load_mill_profile(path)
     host, port = _address(modbus) if modbus else (load_profile(path).modbus.host, load_profile(path).modbus.port)
@@ -62,6 +66,7 @@ def command(
         nominal=nominal,
         motion=motion,
         probe_pitch_mm=probe_pitch,
+        plot=plot,
     )
     wishes = Wishes(seed=seed, fault_words=faults, link=link, report=report)
     return run_mill(setup, wishes, lambda ready: click.echo(json.dumps(ready)))
