@@ -5,10 +5,12 @@ Plane coordinates (w, z), mm. The curve is parametrised by its arc length; curva
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.path.model import Array
 
@@ -42,55 +44,89 @@ class ExactCurve(Samples, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Nodes:
-    """Values of several curves at the same relative arc lengths; the shape that is fitted in one batch.
+    """Values of several curves, the same number of places on each; the shape that is fitted in one batch.
 
-    `points` and `tangents` (p, m, 2), `curvatures` (p, m), `arc_mm` (p, m) from 0; one row per curve.
+    `points` and `tangents` (2, p, m), `arc_mm` (p, m) from 0; one row per curve.
     """
 
     arc_mm: Array
     points: Array
     tangents: Array
-    curvatures: Array
 
-    def take(self, rows: Array) -> Nodes:
-        """These curves only; `rows` are indices or a mask."""
-        return Nodes(self.arc_mm[rows], self.points[rows], self.tangents[rows], self.curvatures[rows])
+    def take(self, rows: NDArray[np.intp]) -> Nodes:
+        """These curves only."""
+        return Nodes(self.arc_mm[rows], self.points[:, rows], self.tangents[:, rows])
 
 
-def resample(curve: Samples, arc_mm: Array, wanted_mm: Array) -> tuple[Array, Array, Array]:
-    """Points, tangents, curvatures at `wanted_mm` (k,) from samples at `arc_mm` (m,), by quintic Hermite.
+class CurveTable:
+    """Many curves end to end in flat arrays, to be read at any places in one go by quintic Hermite interpolation.
 
-    Agrees with position, tangent and curvature at both samples; for fitting only, a bound never rests on it.
+    Agrees with position, tangent and curvature at the curves' own samples; for fitting only, no bound rests on it.
+    `lengths_mm` (p,) are the lengths of the curves.
     """
-    at = np.clip(np.searchsorted(arc_mm, wanted_mm, side="right") - 1, 0, arc_mm.size - 2)
-    h = arc_mm[at + 1] - arc_mm[at]
-    x = ((wanted_mm - arc_mm[at]) / h)[:, None]
-    normals = np.stack([-curve.tangents[:, 1], curve.tangents[:, 0]], axis=1)
-    bend = curve.curvatures[:, None] * normals
-    p0, p1 = curve.points[at], curve.points[at + 1]
-    t0, t1 = curve.tangents[at] * h[:, None], curve.tangents[at + 1] * h[:, None]
-    k0, k1 = bend[at] * (h**2)[:, None], bend[at + 1] * (h**2)[:, None]
-    # The cubic, quartic and quintic coefficients close the jump that the Taylor part leaves at x = 1.
-    gap, slope, turn = p1 - p0 - t0 - k0 / 2, t1 - t0 - k0, k1 - k0
+
+    def __init__(self, curves: Sequence[ExactCurve]) -> None:
+        counts = np.array([curve.arc_mm.size for curve in curves])
+        self.lengths_mm = np.array([curve.arc_mm[-1] - curve.arc_mm[0] for curve in curves])
+        self._first = np.cumsum(counts) - counts
+        # A gap of 1 mm between the curves keeps their places apart in the one flat list of keys.
+        self._base = np.cumsum(self.lengths_mm + 1.0) - self.lengths_mm
+        self._arcs = [curve.arc_mm - curve.arc_mm[0] for curve in curves]
+        self._keys = np.concatenate([arc + base for arc, base in zip(self._arcs, self._base, strict=True)])
+        self._points = np.concatenate([curve.points for curve in curves])
+        self._tangents = np.concatenate([curve.tangents for curve in curves])
+        self._curvatures = np.concatenate([curve.curvatures for curve in curves])
+        self._crowding = [_crowding(arc, curve.curvatures) for arc, curve in zip(self._arcs, curves, strict=True)]
+
+    def places(self, rows: Sequence[int], count: int) -> Array:
+        """Arc lengths (p, count) from end to end of these curves, closer together where the curvature changes."""
+        shares = np.linspace(0.0, 1.0, count)
+        return np.stack([np.interp(shares, self._crowding[row], self._arcs[row]) for row in rows])
+
+    def nodes(self, rows: Sequence[int], count: int) -> Nodes:
+        """These curves at `count` places each, (F4)."""
+        wanted = self.places(rows, count)
+        keys = (wanted + self._base[list(rows), None]).ravel()
+        at = np.maximum(np.searchsorted(self._keys, keys) - 1, np.repeat(self._first[list(rows)], count))
+        width = self._keys[at + 1] - self._keys[at]
+        ends = [
+            np.stack(
+                [self._points[i], self._tangents[i] * width[:, None], _bend(self._tangents[i]) * self._pull(i, width)]
+            )
+            for i in (at, at + 1)
+        ]
+        points, first = _quintic(ends[0], ends[1], ((keys - self._keys[at]) / width)[:, None])
+        tangents = first / np.hypot(first[:, 0], first[:, 1])[:, None]
+        shape = (2, len(rows), count)
+        return Nodes(wanted, np.ascontiguousarray(points.T).reshape(shape), tangents.T.reshape(shape))
+
+    def _pull(self, at: NDArray[np.intp], width: Array) -> Array:
+        return np.asarray((self._curvatures[at] * width**2)[:, None])
+
+
+def _bend(tangents: Array) -> Array:
+    """Unit normals to the left of tangents (k, 2)."""
+    return np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+
+
+def _quintic(start: Array, end: Array, x: Array) -> tuple[Array, Array]:
+    """Points and first derivatives at shares x (k, 1) from (value, first, second derivative) (3, k, 2) at both ends."""
+    p0, t0, k0 = start
+    gap, slope, turn = end[0] - p0 - t0 - k0 / 2, end[1] - t0 - k0, end[2] - k0
     c3 = 10 * gap - 4 * slope + turn / 2
     c4 = -15 * gap + 7 * slope - turn
     c5 = 6 * gap - 3 * slope + turn / 2
     points = p0 + x * (t0 + x * (k0 / 2 + x * (c3 + x * (c4 + x * c5))))
-    first = t0 + x * (k0 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
-    second = k0 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5))
-    speed = np.hypot(first[:, 0], first[:, 1])
-    tangents = first / speed[:, None]
-    curvatures = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / speed**3
-    return points, tangents, curvatures
+    return points, t0 + x * (k0 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
 
 
-def relative_nodes(curves: list[ExactCurve], count: int) -> Nodes:
-    """The curves at `count` equally spaced relative arc lengths each, taken from their own samples."""
-    places = np.linspace(0.0, 1.0, count)
-    rows = []
-    for curve in curves:
-        arc = curve.arc_mm - curve.arc_mm[0]
-        wanted = places * arc[-1]
-        rows.append((wanted, *resample(curve, arc, wanted)))
-    arcs, points, tangents, curvatures = (np.stack(parts) for parts in zip(*rows, strict=True))
-    return Nodes(arcs, points, tangents, curvatures)
+def _crowding(arc_mm: Array, curvatures: Array) -> Array:
+    """Rising shares (m,) from 0 to 1: half by length, half by the fourth root of the curvature's change, (F4)."""
+    widths = np.diff(arc_mm)
+    change = np.sqrt(np.sqrt(np.abs(np.diff(curvatures)) / widths))
+    padded = np.pad(change, 1, mode="edge")
+    change = np.maximum(np.maximum(padded[:-2], padded[2:]), change)
+    mean = (change * widths).sum() / arc_mm[-1]
+    density = 0.5 + 0.5 * change / mean if mean > 0.0 else np.ones_like(change)
+    rising = np.append(0.0, np.cumsum(density * widths))
+    return np.asarray(rising / rising[-1])

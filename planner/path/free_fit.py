@@ -2,7 +2,7 @@
 
 Gauss-Newton on the orthogonal distance, batched: one row a curve, the same number of spans in all rows. The weights
 grow with the distance, so that the largest one falls and not only their mean. Equations (F5) to (F8) of
-EQUATIONS-fitting.md.
+EQUATIONS-fitting.md. Arrays carry the coordinates w, z first: (2, p, m).
 """
 
 from __future__ import annotations
@@ -13,151 +13,176 @@ import numpy as np
 
 from planner.path.curve import Nodes
 from planner.path.model import Array
-from planner.path.plane_spline import Index, basis, combine, find_spans
+from planner.path.plane_spline import Index, basis, find_spans, pieces
+
+GIVE_UP_AFTER = 5
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Splines of a batch: `knots` (p, n + 4), `control_points` (p, n, 2), `feet` (p, m) parameters of the nodes."""
+    """Splines of a batch: `knots` (p, n + 4), `control_points` (2, p, n), `feet` (p, m), and the `errors_mm` (p,).
+
+    The feet are the parameters of the nodes; an error is the largest distance at the nodes.
+    """
 
     knots: Array
     control_points: Array
     feet: Array
+    errors_mm: Array
 
-    def take(self, rows: Array) -> Fit:
-        """These splines only; `rows` are indices or a mask."""
-        return Fit(self.knots[rows], self.control_points[rows], self.feet[rows])
+    def take(self, rows: Index) -> Fit:
+        """These splines only."""
+        return Fit(self.knots[rows], self.control_points[:, rows], self.feet[rows], self.errors_mm[rows])
 
-    def where(self, choice: Array, other: Fit) -> Fit:
-        """This fit in the rows where `choice` (p,) holds, the other elsewhere."""
-        return Fit(
-            np.where(choice[:, None], self.knots, other.knots),
-            np.where(choice[:, None, None], self.control_points, other.control_points),
-            np.where(choice[:, None], self.feet, other.feet),
-        )
+    def put(self, rows: Index, other: Fit) -> None:
+        """Overwrite these rows."""
+        self.knots[rows], self.control_points[:, rows] = other.knots, other.control_points
+        self.feet[rows], self.errors_mm[rows] = other.feet, other.errors_mm
 
 
-def start_fit(nodes: Nodes, knots: Array) -> Fit:
-    """Least squares in both coordinates with the arc length as parameter, ends held: where the iteration starts."""
-    spans = find_spans(knots, nodes.arc_mm)
-    values = basis(knots, nodes.arc_mm, spans)[0]
-    rows, columns = _grid(spans)
-    matrix = np.zeros((*spans.shape, knots.shape[1] - 4))
-    for j in range(4):
-        matrix[rows, columns, spans - 3 + j] = values[j]
-    ends = nodes.points[:, [0, -1]]
-    right = nodes.points - matrix[:, :, [0, -1]] @ ends
+def start_fit(nodes: Nodes, knots: Array, feet: Array) -> Fit:
+    """Least squares in both coordinates with the feet (p, m) as parameters, ends held: where the iteration starts."""
+    spans = find_spans(knots, feet)
+    rows, count = knots.shape[0], knots.shape[1] - 4
+    matrix = np.zeros((*spans.shape, count))
+    grid = np.arange(spans.size).reshape(spans.shape) * count + spans - 3
+    matrix.reshape(-1)[grid + np.arange(4)[:, None, None]] = basis(knots, feet, spans)[0]
+    points = nodes.points.transpose(1, 2, 0)
+    ends = points[:, [0, -1]]
+    right = points - matrix[:, :, [0, -1]] @ ends
     inner = matrix[:, :, 1:-1]
     across = inner.transpose(0, 2, 1)
-    damping = 1e-12 * np.eye(inner.shape[2])
-    middle = np.linalg.solve(across @ inner + damping, across @ right)
-    control_points = np.concatenate([ends[:, :1], middle, ends[:, 1:]], axis=1)
-    return project(nodes, Fit(knots, control_points, nodes.arc_mm), steps=2)
+    middle = np.linalg.solve(across @ inner + 1e-12 * np.eye(count - 2), across @ right)
+    control_points = np.concatenate([ends[:, :1], middle, ends[:, 1:]], axis=1).transpose(2, 0, 1)
+    fit = Fit(knots.copy(), np.ascontiguousarray(control_points), feet, np.zeros(rows))
+    return project(nodes, fit, steps=2)[0]
 
 
-def project(nodes: Nodes, fit: Fit, *, steps: int) -> Fit:
-    """The fit with its feet moved to where the curve's normal at each node meets the spline, (F5)."""
-    feet = fit.feet
+def project(nodes: Nodes, fit: Fit, *, steps: int) -> tuple[Fit, Array]:
+    """The fit with its feet moved to where the curve's normal at each node meets the spline, (F5).
+
+    Also the signed distances (p, m) along those normals, mm, carried to the moved feet to first order.
+    """
+    form = pieces(fit.knots, fit.control_points)
+    feet, (cosine, sine) = fit.feet, nodes.tangents
+    last = fit.knots[:, -1:]
     for _ in range(steps):
-        spans = find_spans(fit.knots, feet)
-        values, slopes, _ = basis(fit.knots, feet, spans)
-        gap = combine(values, fit.control_points, spans) - nodes.points
-        velocity = combine(slopes, fit.control_points, spans)
-        ahead = (gap * nodes.tangents).sum(axis=-1) / (velocity * nodes.tangents).sum(axis=-1)
-        feet = np.clip(feet - ahead, 0.0, fit.knots[:, -1:])
-    return Fit(fit.knots, fit.control_points, feet)
+        points, velocity = form.evaluate(feet)
+        gap = points - nodes.points
+        ahead = (gap[0] * cosine + gap[1] * sine) / (velocity[0] * cosine + velocity[1] * sine)
+        moved = np.minimum(np.maximum(feet - ahead, 0.0), last)
+        distance = gap[1] * cosine - gap[0] * sine + (moved - feet) * (velocity[1] * cosine - velocity[0] * sine)
+        feet = moved
+    return Fit(fit.knots, fit.control_points, feet, np.abs(distance).max(axis=1)), distance
 
 
-def distances(nodes: Nodes, fit: Fit) -> Array:
-    """Signed distances (p, m) of spline from curve along the curve's normal, mm, at the feet."""
-    spans = find_spans(fit.knots, fit.feet)
-    gap = combine(basis(fit.knots, fit.feet, spans)[0], fit.control_points, spans) - nodes.points
-    return np.asarray(gap[..., 1] * nodes.tangents[..., 0] - gap[..., 0] * nodes.tangents[..., 1])
-
-
-def improve(nodes: Nodes, fit: Fit, *, powers: Array) -> Fit:
+def improve(nodes: Nodes, fit: Fit, *, powers: Array, target_mm: float) -> Fit:
     """The fit after one damped Gauss-Newton step for every power of `powers`: 2 is least squares, more nears minimax.
 
-    A step that raises its own sum of powers is dropped and the damping raised, row by row (F8).
+    A step that raises its own sum of powers is dropped and the damping raised, row by row (F8). A row stops when it
+    reaches the target, or when it is far from it and has gained less than a tenth in some steps.
     """
-    damping = np.full(len(fit.knots), 1e-4)
+    best = Fit(fit.knots.copy(), fit.control_points.copy(), fit.feet.copy(), fit.errors_mm.copy())
+    live = np.flatnonzero(fit.errors_mm > target_mm)
+    fit, part, damping = fit.take(live), nodes.take(live), np.full(len(live), 1e-4)
+    history: list[Array] = []
     for power in powers:
-        distance, jacobian = linearise(nodes, fit)
-        largest = np.maximum(np.abs(distance).max(axis=1, keepdims=True), np.finfo(float).tiny)
-        share = np.abs(distance) / largest
-        weight = (share + 1e-3) ** (power - 2.0)
-        weighted = (jacobian * weight[..., None]).transpose(0, 2, 1)
-        matrix = weighted @ jacobian
-        diagonal = np.einsum("pii->pi", matrix)
-        diagonal += damping[:, None] * diagonal + 1e-9 * diagonal.max(axis=1, keepdims=True)
-        step = np.linalg.solve(matrix, weighted @ distance[..., None])[..., 0] / (1.0 - power)
-        moved = project(nodes, _move(fit, step), steps=2)
-        new_share = np.abs(distances(nodes, moved)) / largest
-        is_better = (new_share**power).sum(axis=1) < (share**power).sum(axis=1)
-        damping = np.where(is_better, 0.2 * damping, 10.0 * damping)
-        fit = moved.where(is_better, fit)
-    return fit
+        if not len(live):
+            break
+        fit, damping = _step(part, fit, float(power), damping)
+        is_better = fit.errors_mm < best.errors_mm[live]
+        best.put(live[is_better], fit.take(np.flatnonzero(is_better)))
+        reached = best.errors_mm[live]
+        history.append(reached)
+        is_open = reached > target_mm
+        if len(history) > GIVE_UP_AFTER:
+            gain = history[-1 - GIVE_UP_AFTER] / reached
+            is_open &= (gain**2 > reached / target_mm) | (gain > 1.1)
+        if not is_open.all():
+            kept = np.flatnonzero(is_open)
+            live, fit, part, damping = live[kept], fit.take(kept), part.take(kept), damping[kept]
+            history = [values[kept] for values in history]
+    return best
+
+
+def _step(nodes: Nodes, fit: Fit, power: float, damping: Array) -> tuple[Fit, Array]:
+    """One damped Gauss-Newton step on the sum of this power of the distances, and the new damping (p,)."""
+    distance, jacobian = linearise(nodes, fit)
+    largest = np.maximum(np.abs(distance).max(axis=1, keepdims=True), np.finfo(float).tiny)
+    share = np.abs(distance) / largest
+    weight = (share + 1e-3) ** (power - 2.0)
+    weighted = (jacobian * weight[..., None]).transpose(0, 2, 1)
+    matrix = weighted @ jacobian
+    diagonal = np.einsum("pii->pi", matrix)
+    diagonal += damping[:, None] * diagonal + 1e-9 * diagonal.max(axis=1, keepdims=True)
+    step = np.linalg.solve(matrix, weighted @ distance[..., None])[..., 0] / (1.0 - power)
+    moved, new_distance = project(nodes, _move(fit, step), steps=2)
+    is_better = ((np.abs(new_distance) / largest) ** power).sum(axis=1) < (share**power).sum(axis=1)
+    moved.put(np.flatnonzero(~is_better), fit.take(np.flatnonzero(~is_better)))
+    return moved, np.where(is_better, 0.2 * damping, 10.0 * damping)
 
 
 def _move(fit: Fit, step: Array) -> Fit:
     """The fit moved by unknowns (p, 3n - 8); a step that would shrink a knot interval below half is shortened."""
-    rows, inner = len(fit.knots), fit.control_points.shape[1] - 2
-    points, knots = step[:, : 2 * inner].reshape(rows, inner, 2), step[:, 2 * inner :]
+    rows, inner = len(fit.knots), fit.control_points.shape[2] - 2
+    points, knots = step[:, : 2 * inner].reshape(rows, 2, inner), step[:, 2 * inner :]
     widths = np.diff(fit.knots[:, 3:-3], axis=1)
-    growth = np.diff(np.pad(knots, ((0, 0), (1, 1))), axis=1)
+    growth = np.empty_like(widths)
+    growth[:, :-1], growth[:, -1] = knots, 0.0
+    growth[:, 1:] -= knots
     share = np.minimum(1.0, (0.5 * widths / np.maximum(-growth, 0.5 * widths)).min(axis=1))
     new_knots, new_points = fit.knots.copy(), fit.control_points.copy()
     new_knots[:, 4:-4] += share[:, None] * knots
-    new_points[:, 1:-1] += share[:, None, None] * points
-    return Fit(new_knots, new_points, fit.feet)
+    new_points[:, :, 1:-1] += (share[:, None, None] * points).transpose(1, 0, 2)
+    return Fit(new_knots, new_points, fit.feet, fit.errors_mm)
 
 
 def linearise(nodes: Nodes, fit: Fit) -> tuple[Array, Array]:
-    """Distances (p, m) and their derivatives (p, m, 3n - 8) by inner control points (w, z in turn), then inner knots.
+    """Distances (p, m) and their derivatives (p, m, 3n - 8): by inner control points' w, by their z, by inner knots.
 
     De Boor's scheme on the control points' own distances, then backwards through it for the derivatives, (F6), (F7).
     """
     spans = find_spans(fit.knots, fit.feet)
-    rows, columns = _grid(spans)
-    normal_w, normal_z = -nodes.tangents[..., 1], nodes.tangents[..., 0]
-    near = [fit.knots[rows, spans + offset] for offset in range(-2, 4)]
-    level: list[Array] = []
-    for j in range(4):
-        gap = fit.control_points[rows, spans - 3 + j] - nodes.points
-        level.append(gap[..., 0] * normal_w + gap[..., 1] * normal_z)
-    shares: list[list[Array]] = []
-    rises: list[list[Array]] = []
+    rows, count = np.arange(len(spans))[:, None], fit.control_points.shape[2]
+    fall, run = nodes.tangents[1], nodes.tangents[0]
+    near = fit.knots.reshape(-1)[rows * (count + 4) + spans + np.arange(-2, 4)[:, None, None]]
+    legs = rows * count + spans + np.arange(-3, 1)[:, None, None]
+    gap = fit.control_points.reshape(2, -1)[:, legs] - nodes.points[:, None]
+    levels = [gap[1] * run - gap[0] * fall]
+    shares, rates = [], []
     for depth in (1, 2, 3):
-        widths = [near[a + 3] - near[a + depth - 1] for a in range(4 - depth)]
-        share = [(fit.feet - near[a + depth - 1]) / widths[a] for a in range(4 - depth)]
-        rise = [level[a + 1] - level[a] for a in range(4 - depth)]
-        level = [level[a] + share[a] * rise[a] for a in range(4 - depth)]
+        width = near[3 : 7 - depth] - near[depth - 1 : 3]
+        share, rise = (fit.feet - near[depth - 1 : 3]) / width, np.diff(levels[-1], axis=0)
+        levels.append(levels[-1][:-1] + share * rise)
         shares.append(share)
-        rises.append([rise[a] / widths[a] for a in range(4 - depth)])
-    by_knot = [np.zeros_like(fit.feet) for _ in near]
-    by_point: list[Array] = [np.ones_like(fit.feet)]
+        rates.append(rise / width)
+    by_knot = np.zeros_like(near)
+    by_point = np.ones_like(spans[None], dtype=np.float64)
     for depth in (3, 2, 1):
-        spread = [np.zeros_like(fit.feet) for _ in range(5 - depth)]
-        for a in range(4 - depth):
-            upper = by_point[a] * shares[depth - 1][a]
-            lower = by_point[a] - upper
-            by_knot[a + depth - 1] -= lower * rises[depth - 1][a]
-            by_knot[a + 3] -= upper * rises[depth - 1][a]
-            spread[a] += lower
-            spread[a + 1] += upper
-        by_point = spread
-    count = fit.control_points.shape[1]
-    jacobian = np.zeros((*spans.shape, 3 * count + 4))
-    for j in range(4):
-        place = 2 * (spans - 3 + j)
-        jacobian[rows, columns, place] = by_point[j] * normal_w
-        jacobian[rows, columns, place + 1] = by_point[j] * normal_z
-    for offset in range(6):
-        jacobian[rows, columns, 2 * count + spans - 2 + offset] = by_knot[offset]
-    free = np.concatenate([np.arange(2, 2 * count - 2), np.arange(2 * count + 4, 3 * count)])
-    return level[0], jacobian[:, :, free]
+        upper = by_point * shares[depth - 1]
+        lower = by_point - upper
+        by_knot[depth - 1 : 3] -= lower * rates[depth - 1]
+        by_knot[3 : 7 - depth] -= upper * rates[depth - 1]
+        by_point = np.empty((5 - depth, *spans.shape))
+        by_point[:-1], by_point[-1] = lower, 0.0
+        by_point[1:] += upper
+    values = np.concatenate([-by_point * fall, by_point * run, by_knot])
+    free = 3 * count - 8
+    jacobian = np.zeros((*spans.shape, free + 1))
+    base = np.arange(spans.size).reshape(spans.shape) * (free + 1)
+    jacobian.reshape(-1)[base + _columns(count)[:, spans - 3]] = values
+    return levels[3][0], jacobian[:, :, :free]
 
 
-def _grid(spans: Index) -> tuple[Index, Index]:
-    """Row and column numbers that go with an index array (p, m)."""
-    return np.arange(spans.shape[0])[:, None], np.arange(spans.shape[1])[None, :]
+def _columns(count: int) -> Index:
+    """Column (14, spans) of each of a span's fourteen numbers; those of held ends fall into one more column."""
+    spill = 3 * count - 8
+    spans = np.arange(count - 3)
+    places = np.full(count + 4, spill)
+    places[1 : count - 1] = np.arange(count - 2)
+    along = places[spans + np.arange(4)[:, None]]
+    knots = np.full(count + 4, spill)
+    knots[4:count] = 2 * (count - 2) + np.arange(count - 4)
+    return np.concatenate(
+        [along, np.where(along == spill, spill, along + count - 2), knots[spans + 1 + np.arange(6)[:, None]]]
+    )

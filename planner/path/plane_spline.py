@@ -6,6 +6,8 @@ interior are simple, the ends clamped. Equations (F1) to (F4) of EQUATIONS-fitti
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,38 +30,63 @@ def basis(knots: Array, parameters: Array, spans: Index) -> tuple[Array, Array, 
 
     Shapes (4, p, m), for control points i - 3 ... i of span i. Source: (F1), the recurrence of Cox and de Boor.
     """
-    rows = np.arange(knots.shape[0])[:, None]
-    near = [knots[rows, spans + offset] for offset in range(-2, 4)]
-    left = [parameters - near[2 - j] for j in range(3)]
-    right = [near[3 + j] - parameters for j in range(3)]
-    values: list[Array] = [np.ones_like(parameters)]
-    lower: list[list[Array]] = [values]
+    rows = np.arange(knots.shape[0])[:, None] * knots.shape[1]
+    near = knots.reshape(-1)[rows + spans + np.arange(-2, 4)[:, None, None]]
+    values = [np.ones((1, *parameters.shape))]
     for degree in (1, 2, 3):
-        grown = [np.zeros_like(parameters) for _ in range(degree + 1)]
-        for r in range(degree):
-            part = values[r] / (right[r] + left[degree - 1 - r])
-            grown[r] = grown[r] + right[r] * part
-            grown[r + 1] = left[degree - 1 - r] * part
-        values = grown
-        lower.append(values)
-    linear, quadratic = lower[1], lower[2]
-    weights = [quadratic[r] / (right[r] + left[2 - r]) for r in range(3)]
-    slopes = [-3 * weights[0], 3 * (weights[0] - weights[1]), 3 * (weights[1] - weights[2]), 3 * weights[2]]
-    bend = [linear[r] / (right[r] + left[1 - r]) for r in range(2)]
-    # Second derivatives of the cubic are first derivatives of its quadratic slopes.
-    inner = [-2 * bend[0], 2 * (bend[0] - bend[1]), 2 * bend[1]]
-    scaled = [inner[r] / (right[r] + left[2 - r]) for r in range(3)]
-    bends = [-3 * scaled[0], 3 * (scaled[0] - scaled[1]), 3 * (scaled[1] - scaled[2]), 3 * scaled[2]]
-    return np.stack(values), np.stack(slopes), np.stack(bends)
+        low, high = near[3 - degree : 3], near[3 : 3 + degree]
+        part = values[-1] / (high - low)
+        values.append(_apart((high - parameters) * part, (parameters - low) * part))
+    inner = values[1] / (near[3:5] - near[1:3])
+    slopes = values[2] / (near[3:6] - near[0:3])
+    bends = _apart(-2 * inner, 2 * inner) / (near[3:6] - near[0:3])
+    return values[3], _apart(-3 * slopes, 3 * slopes), _apart(-3 * bends, 3 * bends)
+
+
+def _apart(lower: Array, upper: Array) -> Array:
+    """Sums (k + 1, ...) of `lower` (k, ...) in its places and `upper` one place on."""
+    total = np.empty((len(lower) + 1, *lower.shape[1:]))
+    total[:-1], total[-1] = lower, 0.0
+    total[1:] += upper
+    return total
 
 
 def combine(weights: Array, control_points: Array, spans: Index) -> Array:
-    """Sum of four weights (4, p, m) times the control points they belong to: (p, m, 2)."""
-    rows = np.arange(control_points.shape[0])[:, None]
-    total = weights[0][..., None] * control_points[rows, spans - 3]
-    for j in (1, 2, 3):
-        total += weights[j][..., None] * control_points[rows, spans - 3 + j]
-    return np.asarray(total)
+    """Sum of four weights (4, p, m) times the control points (2, p, n) they belong to: (2, p, m)."""
+    _, rows, count = control_points.shape
+    legs = np.arange(rows)[:, None] * count + spans + np.arange(-3, 1)[:, None, None]
+    return np.asarray((control_points.reshape(2, -1)[:, legs] * weights).sum(axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """A batch of splines as cubics between their knots, (F3): `coefficients` (4, 2, p, spans) of rising powers.
+
+    `starts` (p, spans) are the parameters where the pieces begin, from which the powers count.
+    """
+
+    starts: Array
+    coefficients: Array
+
+    def evaluate(self, parameters: Array) -> tuple[Array, Array]:
+        """Points and first derivatives, each (2, p, m), at parameters (p, m)."""
+        rows, spans = self.starts.shape
+        at = np.zeros(parameters.shape, dtype=np.intp)
+        for column in range(1, spans):
+            at += parameters >= self.starts[:, column, None]
+        at += np.arange(rows)[:, None] * spans
+        c0, c1, c2, c3 = self.coefficients.reshape(4, 2, -1)[:, :, at]
+        x = parameters - self.starts.reshape(-1)[at]
+        return c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2 * c2 + x * (3 * c3))
+
+
+def pieces(knots: Array, control_points: Array) -> Pieces:
+    """The batch in power form; the second derivative is linear between knots, which gives the cubic coefficient."""
+    places = knots[:, 3:-3]
+    spans = np.broadcast_to(np.minimum(np.arange(places.shape[1]), places.shape[1] - 2) + 3, places.shape)
+    point, slope, bend = (combine(part, control_points, spans) for part in basis(knots, places, spans))
+    third = np.diff(bend, axis=2) / np.diff(places, axis=1)
+    return Pieces(places[:, :-1], np.stack([point[:, :, :-1], slope[:, :, :-1], bend[:, :, :-1] / 2, third / 6]))
 
 
 def evaluate(spline: PlaneSpline, parameters: Array) -> tuple[Array, Array, Array]:
@@ -67,8 +94,9 @@ def evaluate(spline: PlaneSpline, parameters: Array) -> tuple[Array, Array, Arra
     knots, at = spline.knots[None, :], parameters[None, :]
     spans = find_spans(knots, at)
     values, slopes, bends = basis(knots, at, spans)
-    points = spline.control_points[None, :, :]
-    return combine(values, points, spans)[0], combine(slopes, points, spans)[0], combine(bends, points, spans)[0]
+    points = np.ascontiguousarray(spline.control_points.T)[:, None, :]
+    first, second, third = (combine(part, points, spans)[:, 0].T for part in (values, slopes, bends))
+    return first, second, third
 
 
 def rounded(spline: PlaneSpline, decimals: int) -> PlaneSpline:

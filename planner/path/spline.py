@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
+from planner.errors import InputRejected
+from planner.path.bound import certify_all
+from planner.path.curve import CurveTable, ExactCurve
+from planner.path.model import Method, PlaneSpline
+from planner.path.span_search import SearchEnd, SpanSearch
 
-from planner.path.bound import certify
-from planner.path.curve import ExactCurve, relative_nodes
-from planner.path.free_fit import Fit, improve, start_fit
-from planner.path.model import Array, Method, PlaneSpline
-
-NODES_A_SPAN = 10
+MOST_SPANS = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,30 +26,26 @@ class FittedSpline:
 def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[FittedSpline]:
     """One cubic B-spline a curve, bounded within the tolerance, ends on the curve's ends; (F5) to (F11).
 
-    Curves that need the same number of spans are fitted together.
+    Raises InputRejected with the pass and the distance reached where the tolerance cannot be kept.
     """
+    if not curves:
+        return []
+    search = SpanSearch(CurveTable(curves), 0.97 * tolerance_mm, MOST_SPANS)
+    search.run()
     done: dict[int, FittedSpline] = {}
-    spans = 1
     while len(done) < len(curves):
-        open_ = [index for index in range(len(curves)) if index not in done]
-        nodes = relative_nodes([curves[index] for index in open_], NODES_A_SPAN * spans + 9)
-        start = start_fit(nodes, even_knots(nodes.arc_mm[:, -1], spans))
-        for fit in (improve(nodes, start, powers=np.minimum(2.0 + 0.3 * np.arange(40), 12.0)), start):
-            for row, index in enumerate(open_):
-                spline = spline_of(fit, row)
-                deviation_mm, method = certify(curves[index], spline)
-                if deviation_mm <= tolerance_mm and index not in done:
-                    done[index] = FittedSpline(spline, deviation_mm, method)
-        spans += max(1, spans // 6)
-    return [done[index] for index in range(len(curves))]
-
-
-def even_knots(lengths_mm: Array, spans: int) -> Array:
-    """Clamped cubic knots (p, spans + 7) at equal distances over lengths (p,)."""
-    inner = lengths_mm[:, None] * np.linspace(0.0, 1.0, spans + 1)
-    return np.concatenate([np.repeat(inner[:, :1], 3, axis=1), inner, np.repeat(inner[:, -1:], 3, axis=1)], axis=1)
-
-
-def spline_of(fit: Fit, row: int) -> PlaneSpline:
-    """One spline of a batch."""
-    return PlaneSpline(3, fit.knots[row].copy(), fit.control_points[row].copy())
+        rows = [row for row in range(len(curves)) if row not in done]
+        splines = [PlaneSpline(3, search.found[row].knots, search.found[row].control_points) for row in rows]
+        bounds = certify_all([curves[row] for row in rows], splines)
+        short = []
+        for row, spline, (deviation_mm, method) in zip(rows, splines, bounds, strict=True):
+            found = search.found[row]
+            if deviation_mm <= tolerance_mm:
+                done[row] = FittedSpline(spline, deviation_mm, method)
+            elif search.ends[row] is not SearchEnd.FITTED or found.spans >= MOST_SPANS:
+                what = f"pass {row + 1} is {1e3 * deviation_mm:.3g} um off at {found.spans} spans"
+                raise InputRejected(f"{what}: {search.ends[row].value}", remedy="give a larger path_mm")
+            else:
+                short.append(row)
+        search.raise_spans(short)
+    return [done[row] for row in range(len(curves))]

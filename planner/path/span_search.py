@@ -1,0 +1,191 @@
+"""The fewest spans for each of many neighbouring curves: a few are searched from scratch, the others follow them.
+
+Passes side by side are nearly the same curve, so a pass starts from the knots and the parametrisation of passes
+already fitted on either side. The order is fixed by the number of passes alone, so the result is, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from planner.path.curve import CurveTable
+from planner.path.free_fit import Fit, improve, project, start_fit
+from planner.path.model import Array
+
+SEEDS = 20
+ROWS_AT_ONCE = 32
+EXTRA_KNOTS = 4
+FROM_SCRATCH = np.concatenate([np.full(10, 2.0), np.linspace(2.0, 10.0, 20)])
+FROM_NEIGHBOUR = np.array([2.0, 2.0, 3.0, 4.0, 6.0, 8.0, 8.0, 8.0])
+
+
+class SearchEnd(Enum):
+    """How the search for one pass ended; the value is the sentence for the user."""
+
+    FITTED = "the spline keeps its tolerance"
+    TOO_MANY_SPANS = "no spline with the largest number of spans tried keeps the tolerance"
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One spline for one curve: `knots` (n + 4,), `control_points` (n, 2), `feet` (m,).
+
+    `error_mm` is the largest distance at the nodes, `worst` the foot where it is.
+    """
+
+    knots: Array
+    control_points: Array
+    feet: Array
+    error_mm: float
+    worst: float
+
+    @property
+    def spans(self) -> int:
+        """Number of knot spans."""
+        return self.knots.size - 7
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where an iteration starts: `knots` (n + 4,) and `feet` (m,), the parameters of the nodes, relative to length."""
+
+    knots: Array
+    feet: Array
+
+    @property
+    def spans(self) -> int:
+        """Number of knot spans."""
+        return self.knots.size - 7
+
+
+class SpanSearch:
+    """The search over one table of curves for one tolerance; `found` has a candidate for every curve done."""
+
+    def __init__(self, table: CurveTable, tolerance_mm: float, most_spans: int) -> None:
+        self._table, self._tolerance_mm, self._most_spans = table, tolerance_mm, most_spans
+        self.found: dict[int, Candidate] = {}
+        self.ends: dict[int, SearchEnd] = {}
+
+    def run(self) -> None:
+        """Search every curve: seeds first, then the curves half-way between those done, until none is left."""
+        count = len(self._table.lengths_mm)
+        stride = 1
+        while count // (2 * stride) >= SEEDS:
+            stride *= 2
+        self.from_scratch(dict.fromkeys(range(0, count, stride), 1))
+        while stride > 1:
+            stride //= 2
+            self._follow([row for row in range(0, count, stride) if row not in self.found])
+
+    def from_scratch(self, asked: dict[int, int]) -> None:
+        """Rising numbers of spans from those asked, each from evenly crowded knots, until the tolerance is kept."""
+        tried = {row: spans - 1 for row, spans in asked.items()}
+        while asked:
+            got = self._fit({row: self._even(row, spans) for row, spans in asked.items()}, FROM_SCRATCH)
+            following: dict[int, int] = {}
+            for row, candidate in got.items():
+                if self._accept(row, candidate):
+                    if tried[row] < candidate.spans - 1:
+                        following[row] = candidate.spans - 1
+                elif row not in self.found:
+                    tried[row] = candidate.spans
+                    if candidate.spans >= self._most_spans:
+                        self.found[row], self.ends[row] = candidate, SearchEnd.TOO_MANY_SPANS
+                    else:
+                        following[row] = self._more(candidate)
+            asked = following
+
+    def raise_spans(self, rows: Sequence[int]) -> None:
+        """Search again with more spans than these curves have now."""
+        self._lengthen({row: self.found.pop(row) for row in rows})
+
+    def _more(self, candidate: Candidate) -> int:
+        """The next number of spans: the sixth-order guess, kept a little low so as not to miss the fewest."""
+        guess = candidate.spans * (candidate.error_mm / self._tolerance_mm) ** (1 / 6)
+        return int(min(max(candidate.spans + 1, 0.8 * guess), 4 * candidate.spans, self._most_spans))
+
+    def _follow(self, rows: Sequence[int]) -> None:
+        """Start each curve from its fitted neighbours; where that fails, add knots."""
+        got = self._fit({row: self._between(row) for row in rows}, FROM_NEIGHBOUR)
+        self._lengthen({row: candidate for row, candidate in got.items() if not self._accept(row, candidate)})
+
+    def _lengthen(self, short: dict[int, Candidate]) -> None:
+        """Add a knot where each is worst, a few times; what still fails is searched from scratch."""
+        for _ in range(EXTRA_KNOTS):
+            got = self._fit({row: _with_knot(candidate) for row, candidate in short.items()}, FROM_NEIGHBOUR)
+            short = {row: candidate for row, candidate in got.items() if not self._accept(row, candidate)}
+        self.from_scratch({row: candidate.spans + 1 for row, candidate in short.items()})
+
+    def _accept(self, row: int, candidate: Candidate) -> bool:
+        if candidate.error_mm <= self._tolerance_mm:
+            self._keep(row, candidate)
+        return row in self.found
+
+    def _keep(self, row: int, candidate: Candidate) -> None:
+        if row not in self.found or candidate.spans < self.found[row].spans:
+            self.found[row], self.ends[row] = candidate, SearchEnd.FITTED
+
+    def _between(self, row: int) -> Start:
+        """A start from the nearest fitted curves before and after: their mean if they have as many spans."""
+        before = next((other for other in range(row - 1, -1, -1) if other in self.found), None)
+        after = next((other for other in range(row + 1, len(self._table.lengths_mm)) if other in self.found), None)
+        sides = [_start_of(self.found[other]) for other in (before, after) if other is not None]
+        fewest = min(side.spans for side in sides)
+        sides = [side for side in sides if side.spans == fewest]
+        knots = np.mean([side.knots for side in sides], axis=0)
+        return Start(knots, np.mean([side.feet for side in sides], axis=0))
+
+    def _even(self, row: int, spans: int) -> Start:
+        """Knots crowded like the nodes, the arc length as parameter."""
+        length_mm = self._table.lengths_mm[row]
+        inner = self._table.places([row], spans + 1)[0] / length_mm
+        knots = np.concatenate([np.zeros(3), inner, np.ones(3)])
+        return Start(knots, self._table.places([row], node_count(spans))[0] / length_mm)
+
+    def _fit(self, starts: dict[int, Start], powers: Array) -> dict[int, Candidate]:
+        """Iterate all starts, in batches of the same number of spans."""
+        done: dict[int, Candidate] = {}
+        for spans in sorted({start.spans for start in starts.values()}):
+            rows = [row for row, start in starts.items() if start.spans == spans]
+            for at in range(0, len(rows), ROWS_AT_ONCE):
+                some = rows[at : at + ROWS_AT_ONCE]
+                done.update(self._fit_batch(some, [starts[row] for row in some], powers))
+        return done
+
+    def _fit_batch(self, rows: list[int], starts: list[Start], powers: Array) -> dict[int, Candidate]:
+        lengths_mm = self._table.lengths_mm[rows][:, None]
+        nodes = self._table.nodes(rows, node_count(starts[0].spans))
+        knots = np.stack([start.knots for start in starts]) * lengths_mm
+        fit = start_fit(nodes, knots, np.stack([start.feet for start in starts]) * lengths_mm)
+        fit, distance = project(nodes, improve(nodes, fit, powers=powers, target_mm=self._tolerance_mm), steps=1)
+        worst = np.abs(distance).argmax(axis=1)
+        return {row: _candidate(fit, at, int(worst[at])) for at, row in enumerate(rows)}
+
+
+def node_count(spans: int) -> int:
+    """How many places of a curve a spline of so many spans is fitted to."""
+    return 8 * spans + 13
+
+
+def _candidate(fit: Fit, at: int, worst: int) -> Candidate:
+    points = fit.control_points[:, at].T.copy()
+    return Candidate(fit.knots[at].copy(), points, fit.feet[at].copy(), float(fit.errors_mm[at]), fit.feet[at, worst])
+
+
+def _start_of(candidate: Candidate) -> Start:
+    length_mm = candidate.knots[-1]
+    return Start(candidate.knots / length_mm, candidate.feet / length_mm)
+
+
+def _with_knot(candidate: Candidate) -> Start:
+    """The candidate's parametrisation with one more knot, in the middle of the span where it is worst."""
+    knots, length_mm = candidate.knots, candidate.knots[-1]
+    span = min(int(np.searchsorted(knots[4:-4], candidate.worst)), candidate.spans - 1)
+    more = np.insert(knots, span + 4, 0.5 * (knots[span + 3] + knots[span + 4]))
+    shares = np.linspace(0.0, 1.0, node_count(candidate.spans + 1))
+    feet = np.interp(shares, np.linspace(0.0, 1.0, candidate.feet.size), candidate.feet)
+    return Start(more / length_mm, feet / length_mm)
