@@ -35,7 +35,6 @@ class UrlPort:
                 parity=link.format[1],
                 stopbits=float(link.format[2:]),
                 timeout=0.2,
-                write_timeout=5,
             )
         except (serial.SerialException, OSError, ValueError) as problem:
             raise PortUnavailable(f"{name} cannot be opened: {_reason(problem)}") from None
@@ -102,8 +101,10 @@ class _Bridge:
         self._port = port
         self._ours, self._theirs = socket.socketpair()
         self._ours.setblocking(False)
-        for work in (self._inward, self._outward):
-            threading.Thread(target=work, name="rfc2217", daemon=True).start()
+        works = (self._inward, self._outward)
+        self._threads = [threading.Thread(target=work, name="rfc2217", daemon=True) for work in works]
+        for thread in self._threads:
+            thread.start()
 
     def fileno(self) -> int:
         return self._ours.fileno()
@@ -112,6 +113,9 @@ class _Bridge:
         for end in (self._theirs, self._ours):
             with contextlib.suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
+        for thread in self._threads:
+            thread.join(1.0)
+        self._theirs.close()
         self._ours.close()
 
     def _inward(self) -> None:

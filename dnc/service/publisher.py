@@ -49,7 +49,7 @@ class Publisher:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o750)
             listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
-            listener.bind(str(self.path))
+            _bind(listener, self.path)
             self.path.chmod(0o660)
             listener.listen(8)
         except OSError:
@@ -138,6 +138,15 @@ class Publisher:
         with contextlib.suppress(KeyError, ValueError):
             self._selector.unregister(watcher)
         watcher.close()
+
+
+def _bind(listener: socket.socket, path: Path) -> None:
+    """Bind by the folder's descriptor: the path of a socket may hold 107 bytes only, a user's folders more."""
+    folder = os.open(path.parent, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        listener.bind(f"/proc/self/fd/{folder}/{path.name}")
+    finally:
+        os.close(folder)
 
 
 def _is_allowed(watcher: socket.socket) -> bool:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import select
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Self
 
@@ -53,6 +55,13 @@ def alarm_ids(events: list[Event]) -> list[str]:
     return [event.id for event in events if isinstance(event, Alarm)]
 
 
+def runtime_of(folder: Path) -> Path:
+    """A short folder for the sockets of this test: a socket's path holds 107 bytes."""
+    runtime = Path(tempfile.gettempdir()) / f"dnc-{hashlib.sha256(str(folder).encode()).hexdigest()[:12]}"
+    runtime.mkdir(exist_ok=True)
+    return runtime
+
+
 class PeerProcess:
     """tests/helpers/peer.py as a child; `report` waits for what it saw."""
 
@@ -91,8 +100,8 @@ class SendProcess:
 
     def __init__(self, folder: Path, program: Path, pty: str, *options: str) -> None:
         self._report = folder / "report.json"
-        environment = {**os.environ, "XDG_STATE_HOME": str(folder / "state"), "XDG_RUNTIME_DIR": str(folder / "run")}
-        (folder / "run").mkdir(exist_ok=True)
+        runtime = runtime_of(folder)
+        environment = {**os.environ, "XDG_STATE_HOME": str(folder / "state"), "XDG_RUNTIME_DIR": str(runtime)}
         words = ["send", str(program), "--port", pty, "--report", str(self._report), *options]
         self.child = subprocess.Popen(
             [sys.executable, "-m", "dnc", *words],
