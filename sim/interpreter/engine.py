@@ -109,7 +109,8 @@ class Interpreter:
     def finish(self) -> list[canon.Command]:
         """The commands that waited for more blocks; call it when no more will come."""
         given: list[canon.Command] = []
-        while not self._state.is_ended and self._main.search is not None:
+        while not self._state.is_ended and (search := self._main.search) is not None:
+            self._line, self._number = self._main.source.line(search.origin - 1), None
             if self._guarded(lambda: self._flow.unresolved(self._main)):
                 given += self.advance()
         if not self._state.is_ended and self._guarded(self._complete):
@@ -117,6 +118,8 @@ class Interpreter:
         return given + self._outlet.drain()
 
     def _complete(self) -> None:
+        if self._main.opened:
+            self._line, self._number = self._main.source.line(self._main.opened[-1].index), None
         self._flow.require_closed(self._main)
         self._executor.finish()
 
@@ -158,7 +161,11 @@ class Interpreter:
         else:
             block = _called_from(block, self._line, self._number)
         if block.skip_level is None or block.skip_level not in self._settings.skip_levels:
-            self._execute(level, index, block)
+            try:
+                self._execute(level, index, block)
+            except ControlAlarm as alarm:
+                alarm.column = alarm.column or _first_column(block)
+                raise
 
     def _execute(self, level: Level, index: int, block: Block) -> None:
         statement = block.statement
@@ -203,6 +210,13 @@ class Interpreter:
             text, column = f"in subprogram {name}: {text}", None
         self._outlet.put(canon.Alarm(self._line, self._number, int(number), text, column))
         self._state.is_ended = True
+
+
+def _first_column(block: Block) -> int:
+    """Where the block begins to command something, for alarms about all of it."""
+    if block.words:
+        return block.words[0].column
+    return len(block.text) - len(block.text.lstrip()) + 1
 
 
 def _called_from(block: Block, line: int, number: int | None) -> Block:

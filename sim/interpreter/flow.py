@@ -56,7 +56,7 @@ class Search:
     """Blocks are passed over until the label (or block number) comes, or the branch ends.
 
     `kind` is "label", "else" (ELSE or the end counts) or the structure whose end is looked for; `jump` is the jump of
-    a search for a label and `origin` the index after it.
+    a search for a label and `origin` the index after the block that began the search.
     """
 
     kind: str
@@ -243,7 +243,7 @@ class Flow:
             level.opened.append(Opened(kind, index, statement))
         else:
             level.depth = 0
-            level.search = Search("else" if kind == "IF" else kind)
+            level.search = Search("else" if kind == "IF" else kind, origin=index + 1)
 
     def _set_counter(self, statement: For, value: float) -> bool:
         indices = tuple(evaluate(one, self._variables) for one in statement.index or ())
@@ -254,9 +254,10 @@ class Flow:
         if marker in (Marker.LOOP, Marker.REPEAT):
             level.opened.append(Opened(marker.value, index, Mark(marker)))
         elif marker is Marker.ELSE:
-            self._close(level, "IF", "ELSE")
+            if self._close(level, "IF", "ELSE").statement == Mark(Marker.ELSE):
+                raise _second_else()
             level.depth = 0
-            level.search = Search("IF")
+            level.search = Search("IF", origin=index + 1)
         else:
             self._end(level, _CLOSES[marker], marker.value)
 
@@ -332,9 +333,15 @@ class Flow:
             if level.depth == 0:
                 level.search = None
             level.depth -= 1
-        elif kind == "else" and level.depth == 0 and statement == Mark(Marker.ELSE):
+        elif wanted == "IF" and level.depth == 0 and statement == Mark(Marker.ELSE):
+            if kind == "IF":
+                raise _second_else()
             level.search = None
             level.opened.append(Opened("IF", index, Mark(Marker.ELSE)))
+
+
+def _second_else() -> ControlAlarm:
+    return ControlAlarm(AlarmNumber.NESTING, "a second ELSE stands in one IF; ENDIF is expected")
 
 
 def is_target(block: Block, target: str) -> bool:

@@ -47,11 +47,10 @@ class Frame:
         moved = subtract(q, self.shift)
         return moved if self.is_identity_matrix else solve(self.matrix, moved)
 
-    @property
-    def arc_scale(self) -> float | None:
-        """The factor by which every length changes, or None where circles do not stay circles."""
+    def arc_scale(self, axes: tuple[int, ...]) -> float | None:
+        """The factor of lengths along these axes, or None where circles in their plane do not stay circles."""
         columns = list(zip(*self.matrix, strict=True))
-        lengths = [math.sqrt(dot(column, column)) for column in columns]
+        lengths = [math.sqrt(dot(columns[axis], columns[axis])) for axis in axes]
         skew = max(abs(dot(columns[i], columns[j])) for i, j in ((0, 1), (0, 2), (1, 2)))
         spread = max(lengths) - min(lengths)
         return lengths[0] if spread < 1e-12 * lengths[0] and skew < 1e-12 * lengths[0] ** 2 else None

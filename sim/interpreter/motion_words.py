@@ -161,9 +161,10 @@ class Mover:
         side = self._side()
         if self._contour is None:
             self._contour = Compensator(side, state.position_mm)
-        elif self._contour.side != side:
+        elif (self._contour.side.normal, self._contour.side.offset_mm) != (side.normal, side.offset_mm):
             text = "side, radius or plane change inside a compensated contour; G40 before is expected"
             raise ControlAlarm(AlarmNumber.COMPENSATION, text)
+        self._contour.side = side
         self._contour.push(motion, self._outlet.reserve())
 
     def _side(self) -> Side:
@@ -231,11 +232,12 @@ class Mover:
         self, shape: moves.ArcShape, end: Vector, sweep_rad: float, mapping: Mapping, feed: PathFeed, request: Request
     ) -> None:
         frame = mapping.frame
-        scale = frame.arc_scale
-        if scale is None:
+        is_in_space = self._state.motion == "CIP"
+        if frame.arc_scale((0, 1, 2) if is_in_space else self._state.plane_axes[:2]) is None:
             raise ControlAlarm(AlarmNumber.FRAME, "an arc under SCALE with different factors; equal ones are expected")
         start, canonical_end, centre = self._state.position_mm, mapping.point(end), mapping.point(shape.centre)
-        axis = scaled(frame.direction(shape.axis), frame.handedness / scale)
+        across = frame.direction(shape.axis)
+        axis = scaled(across, frame.handedness / norm(across))
         out = subtract(start, centre)
         rise = sum((b - a) * n for a, b, n in zip(start, canonical_end, axis, strict=True))
         along = sum(o * n for o, n in zip(out, axis, strict=True))
@@ -364,8 +366,8 @@ class Mover:
             self.finish_spline(None)
         if self._spline is None:
             self._spline = self._new_spline(code)
+        self._spline_degree(self._spline, request)
         spline = self._spline
-        self._spline_degree(spline, request)
         interval, weight = request.take("PL"), request.take("PW")
         if code != "BSPLINE" and (interval is not None or weight is not None):
             raise ControlAlarm(AlarmNumber.SPLINE, f"{code} takes neither PL nor PW; BSPLINE does")

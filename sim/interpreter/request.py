@@ -5,7 +5,6 @@ Whatever no part of the interpreter takes out of a request has no meaning in tha
 
 from __future__ import annotations
 
-import difflib
 import math
 from dataclasses import dataclass, field
 
@@ -149,7 +148,9 @@ def _add_code(word: Word, request: Request) -> None:
     code = code_of(word) or f"G{word.text}"
     group = GROUP_OF.get(code)
     if group is None:
-        raise ControlAlarm(AlarmNumber.UNKNOWN_G, f"{code} is not a G function of this control{_meant(code)}")
+        raise ControlAlarm(
+            AlarmNumber.UNKNOWN_G, f"{code} is no G function of this control; one of its list is expected"
+        )
     if code in REFUSED_CODES:
         raise ControlAlarm(AlarmNumber.UNKNOWN_G, f"{code} ({REFUSED_CODES[code]}) is not available on this control")
     if code not in ACTED_CODES and code not in IGNORED_CODES:
@@ -231,7 +232,7 @@ def _numbers_of(arguments: tuple[Expression | None, ...], variables: Variables) 
 def _add_call(word: Word, request: Request) -> None:
     is_call = word.value is None and (word.address in ACTED_ADDRESSES or len(word.address) > 1)
     if not is_call:
-        text = f"the address {word.address} is not known{_meant(word.address)}"
+        text = f"the address {word.address} is not known; an address of the control's list is expected"
         raise ControlAlarm(AlarmNumber.NAME_UNKNOWN, text)
     request.calls.append(word)
 
@@ -259,10 +260,3 @@ def _in_range(value: float, address: str) -> float:
     if not math.isfinite(value) or abs(value) > LARGEST:
         raise ControlAlarm(AlarmNumber.VALUE_OUT_OF_RANGE, f"{address} is too large; at most {LARGEST:g} is expected")
     return value
-
-
-def _meant(name: str) -> str:
-    """What the user may have meant, for the end of a sentence."""
-    known = {*ACTED_CODES, *IGNORED_CODES, *ACTED_ADDRESSES, *IGNORED_ADDRESSES}
-    near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.6)
-    return f"; {near[0]} may be meant" if near else "; a word of the control's list is expected"
