@@ -22,7 +22,6 @@ from dnc.port import Port, SerialPort
 from dnc.port_url import UrlPort
 from dnc.profile import Link
 
-
 pytestmark = pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")
 """pyserial's rfc2217 still calls them."""
 
