@@ -81,6 +81,7 @@ class Verdict:
     inaccessible: float
     reach_mm: float
     probe_pitch_mm: float
+    probes: Probes
 
     @property
     def scallop_mm(self) -> float:
@@ -149,6 +150,7 @@ def judge(
         inaccessible=1.0 - open_area / whole,
         reach_mm=reach_mm,
         probe_pitch_mm=probe_pitch_mm,
+        probes=probes,
     )
 
 

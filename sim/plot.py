@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from sim.deviation import PatchMap, Verdict
 from sim.errors import InputRejected, UserError
+from sim.section import section_at
+from sim.stock import stock_after
 
 Floats = NDArray[np.float64]
 
@@ -19,7 +21,7 @@ class PlotUnavailable(UserError):
 
 
 def plot_deviation(verdict: Verdict, path: Path) -> None:
-    """The deviation map in plan, its histogram and the worst places, as one PNG.
+    """Deviation map, histogram, the stock as cut and a section through the highest scallop, as one PNG.
 
     Raises PlotUnavailable without matplotlib, InputRejected if the file cannot be written.
     """
@@ -28,11 +30,13 @@ def plot_deviation(verdict: Verdict, path: Path) -> None:
         from matplotlib.figure import Figure
     except ImportError:
         raise PlotUnavailable("matplotlib is not installed; pip install 'dripmill[plot]'") from None
-    figure = Figure(figsize=(11, 6), layout="constrained")
+    figure = Figure(figsize=(12, 10), layout="constrained")
     FigureCanvasAgg(figure)
-    plan, side = figure.subplots(1, 2, width_ratios=[3, 2])
+    (plan, side), (relief, section) = figure.subplots(2, 2, width_ratios=[3, 2])
     _draw_map(figure, plan, verdict)
     _draw_histogram(side, verdict)
+    _draw_stock(relief, verdict)
+    _draw_section(section, verdict)
     unfinished = path.with_name(path.name + ".tmp")
     try:
         figure.savefig(unfinished, format="png", dpi=110)
@@ -46,7 +50,7 @@ def _draw_map(figure: Any, axes: Any, verdict: Verdict) -> None:
     shades = None
     for mapped in verdict.maps:
         x, y, deviation_um = _plan(mapped)
-        axes.pcolormesh(x, y, np.where(np.isfinite(deviation_um), np.nan, 0.0), cmap="Greys", vmin=-1, vmax=1)
+        axes.pcolormesh(x, y, np.zeros(x.shape), cmap="Greys", vmin=-1, vmax=1, shading="gouraud")
         shades = axes.pcolormesh(
             x, y, np.ma.masked_invalid(deviation_um), cmap="RdBu_r", vmin=-limit_um, vmax=limit_um, shading="gouraud"
         )
@@ -71,3 +75,28 @@ def _draw_histogram(axes: Any, verdict: Verdict) -> None:
     axes.hist(heights, bins=120, weights=100 * areas / max(areas.sum(), 1e-300), color="#456990")
     axes.set(xlabel="deviation in um", ylabel="share of the covered area in %", yscale="log")
     axes.set_title(f"{heights.size} probes, pitch {verdict.probe_pitch_mm:g} mm")
+
+
+def _draw_stock(axes: Any, verdict: Verdict) -> None:
+    """The stock as a relief lit from the upper left, from a billet 1 mm higher than the design."""
+    points = np.concatenate([each.net.points.reshape(-1, 3) for each in verdict.maps])
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    pitch_mm = float((high - low)[:2].max()) / 400
+    stock = stock_after(verdict.probes, (low[0], low[1]), (high[0], high[1]), float(high[2]) + 1.0, pitch_mm)
+    slope_x, slope_y = np.gradient(stock.z_mm, stock.x_mm, stock.y_mm)
+    light = (0.6 + 3.0 * slope_x - 3.0 * slope_y) / np.sqrt(1.0 + 9.0 * (slope_x**2 + slope_y**2))
+    extent = (float(low[0]), float(high[0]), float(low[1]), float(high[1]))
+    axes.imshow(light.T, origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=1.2)
+    axes.set(xlabel="X in mm", ylabel="Y in mm", title="stock as cut (Z-map, for the eye only)")
+
+
+def _draw_section(axes: Any, verdict: Verdict) -> None:
+    if verdict.scallops:
+        worst = verdict.scallops[0]
+        width_mm = 4.0 * (2.0 * verdict.probes.tool.corner_mm * worst.deviation_mm) ** 0.5
+        section = section_at(verdict, worst, width_mm, 801)
+        axes.plot(section.distance_mm, 1000 * section.deviation_mm, color="#456990")
+        x, y, _ = worst.position_mm
+        axes.set_title(f"section across the passes at X{x:.3f} Y{y:.3f}")
+    axes.axhline(0.0, color="black", linewidth=0.6)
+    axes.set(xlabel="distance on the design in mm", ylabel="deviation in um")

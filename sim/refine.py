@@ -41,9 +41,20 @@ class Refiner:
         frames = self.patch.frames(uv)
         return Extremes(self.patch.clipped(uv), frames.points, self.probes.measure(frames.points, frames.normals))
 
+    def directions(self, uv: Floats) -> tuple[Floats, Floats]:
+        """Changes of (u, v), each (n, 2), for 1 mm along the way of the ball that cut at a place, and across it."""
+        frames = self.patch.frames(uv)
+        found = self.probes.measure(frames.points, frames.normals)
+        way = self.probes.chords[found.piece, 3:6]
+        way = way - np.einsum("ij,ij->i", way, frames.normals)[:, None] * frames.normals
+        length = np.linalg.norm(way, axis=1)
+        fallback = frames.along_u / np.linalg.norm(frames.along_u, axis=1)[:, None]
+        along = np.where((length > 1e-9)[:, None], way / np.where(length > 1e-9, length, 1.0)[:, None], fallback)
+        return frames.parameters_of(along), frames.parameters_of(np.cross(frames.normals, along))
+
     def crossed(self, uv: Floats, window_mm: float) -> Extremes:
         """Each place moved across the way of the ball to the peak within the window to either side."""
-        _, across = self._directions(uv)
+        _, across = self.directions(uv)
         return self.measured(self._peak(uv, across, np.full(len(uv), window_mm))[0])
 
     def climbed(self, uv: Floats, *, step_mm: float, stop_mm: float, trials: int) -> Extremes:
@@ -52,13 +63,13 @@ class Refiner:
         The peak across is looked for within `step_mm` to either side; at most `trials` steps are tried.
         """
         width = np.full(len(uv), step_mm)
-        along, across = self._directions(uv)
+        along, across = self.directions(uv)
         uv, value = self._peak(uv, across, width)
         step = width.copy()
         active = np.arange(len(uv))
         for _ in range(trials):
             here = active
-            along, across = self._directions(uv[here])
+            along, across = self.directions(uv[here])
             ahead, gain_ahead = self._peak(uv[here] + step[here, None] * along, across, width[here])
             behind, gain_behind = self._peak(uv[here] - step[here, None] * along, across, width[here])
             is_ahead = gain_ahead >= gain_behind
@@ -115,14 +126,3 @@ class Refiner:
             toward = across[:, :1] * frames.along_u + across[:, 1:] * frames.along_v
             slope = -np.einsum("ij,ij->i", spoke, toward) / np.einsum("ij,ij->i", spoke, frames.normals)
         return self.sign * found.height_mm, np.asarray(self.sign * slope)
-
-    def _directions(self, uv: Floats) -> tuple[Floats, Floats]:
-        """Changes of (u, v), each (n, 2), for 1 mm along the way of the ball that cut at a place, and across it."""
-        frames = self.patch.frames(uv)
-        found = self.probes.measure(frames.points, frames.normals)
-        way = self.probes.chords[found.piece, 3:6]
-        way = way - np.einsum("ij,ij->i", way, frames.normals)[:, None] * frames.normals
-        length = np.linalg.norm(way, axis=1)
-        fallback = frames.along_u / np.linalg.norm(frames.along_u, axis=1)[:, None]
-        along = np.where((length > 1e-9)[:, None], way / np.where(length > 1e-9, length, 1.0)[:, None], fallback)
-        return frames.parameters_of(along), frames.parameters_of(np.cross(frames.normals, along))

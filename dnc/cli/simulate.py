@@ -23,6 +23,8 @@ _PATH = click.Path(path_type=Path)
 @click.option("--motion", type=_PATH, help="write the motion log (CSV, tool tip)")
 @click.option("--report", type=_PATH, help="write the report (JSON)")
 @click.option("--plot", type=_PATH, help="draw the deviation map (PNG)")
+@click.option("--map", "deviation_map", type=_PATH, help="write the deviation of every probe (.csv or .ply)")
+@click.option("--view", type=_PATH, help="write a page to look at (HTML, self-contained)")
 @click.option("--json", "as_json", is_flag=True, help="print the report to stdout")
 def command(
     program: Path,
@@ -32,6 +34,8 @@ def command(
     motion: Path | None,
     report: Path | None,
     plot: Path | None,
+    deviation_map: Path | None,
+    view: Path | None,
     as_json: bool,
 ) -> int:
     """Interpret, time, cut and measure PROGRAM; no line is used and no machine moves."""
@@ -43,8 +47,8 @@ def command(
     from sim.nominal import load_nominal
     from sim.profile import load_mill_profile
 
-    if plot is not None and job is None:
-        raise InputRejected("--plot needs the design surface", remedy="name the job file with --job")
+    if job is None and (plot or deviation_map or view):
+        raise InputRejected("--plot, --map and --view need the design", remedy="name the job file with --job")
     nominal = load_nominal(job) if job is not None else None
     data = _bytes_of(program)
     recording = rehearse(data, load_mill_profile(profile_path(machine)))
@@ -54,10 +58,13 @@ def command(
         _write(motion, _motion_csv(recording, nominal))
     if report is not None:
         _write(report, json.dumps(made, indent=1) + "\n")
-    if plot is not None and verdict is not None:
-        from sim.plot import plot_deviation
+    if verdict is not None:
+        _draw(verdict, plot, deviation_map)
+    if view is not None and verdict is not None:
+        from sim.view import page_of, write_page
 
-        plot_deviation(verdict, plot)
+        title = f"{machine}: {_text(made).removeprefix('SIMULATED')}"
+        write_page(page_of(verdict, recording.travelled, data, title, nodes=60_000, pieces=100_000), view)
     click.echo(json.dumps(made, indent=1) if as_json else _text(made))
     return int(ExitCode.CONTROL if recording.alarms else ExitCode.OK)
 
@@ -85,6 +92,17 @@ def _verdict(nominal: Nominal, recording: Recording, pitch_mm: float | None) -> 
         reference=nominal.reference,
         probe_pitch_mm=nominal.cutter.radius_mm / 40 if pitch_mm is None else pitch_mm,
     )
+
+
+def _draw(verdict: Verdict, plot: Path | None, deviation_map: Path | None) -> None:
+    if plot is not None:
+        from sim.plot import plot_deviation
+
+        plot_deviation(verdict, plot)
+    if deviation_map is not None:
+        from sim.export import write_map
+
+        write_map(verdict, deviation_map)
 
 
 def _report(program: Path, data: bytes, machine: str, recording: Recording, verdict: Verdict | None) -> dict[str, Any]:

@@ -1,0 +1,133 @@
+import csv
+import math
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.deviation import Verdict, judge
+from sim.errors import InputRejected
+from sim.export import write_map
+from sim.interpreter.canon import Line, Motion
+from sim.plot import plot_deviation
+from sim.section import section_at
+from sim.stock import stock_after
+from sim.tool import BallTool
+from sim.view import page_of, write_page
+from tests.sim.surfaces import nominal_of, plane
+
+R = 4.0
+CHROMIUM = Path("/usr/bin/chromium")
+
+
+def motions() -> list[Motion]:
+    """Passes 1 mm apart over y 0 to 6 of a plane of 10 mm; line 7 stands 30 um too low."""
+    return [
+        Line(k + 2, 10 * (k + 2), (-5.0, float(k), R - 0.03 * (k == 5)), (15.0, float(k), R - 0.03 * (k == 5)), 250.0)
+        for k in range(7)
+    ]
+
+
+@pytest.fixture(scope="module")
+def verdict() -> Verdict:
+    return judge(nominal_of(plane(size=10.0)), BallTool(R), motions(), reference="centre", probe_pitch_mm=0.25)
+
+
+def test_stock_is_exact_at_its_nodes(verdict: Verdict) -> None:
+    """(3.5) Over a pass the stock is as high as the ball's lowest point, half way between as high as the cusp."""
+    stock = stock_after(verdict.probes, (2.0, 2.0), (4.0, 4.0), 1.0, 0.5)
+    assert stock.z_mm[0, 0] == pytest.approx(0.0, abs=1e-12)
+    assert stock.z_mm[0, 1] == pytest.approx(R - math.sqrt(R * R - 0.25), abs=1e-12)
+    untouched = stock_after(verdict.probes, (2.0, 40.0), (4.0, 42.0), 1.0, 0.5)
+    assert (untouched.z_mm == 1.0).all()
+
+
+def test_a_section_shows_the_cusps_between_passes(verdict: Verdict) -> None:
+    """(3.5) Through the highest scallop, square to the passes: a parabola to either side, down to the passes."""
+    worst = verdict.scallops[0]
+    section = section_at(verdict, worst, 0.5, 101)
+    assert np.nanmax(section.deviation_mm) == pytest.approx(worst.deviation_mm, abs=1e-6)
+    assert section.deviation_mm[[1, -2]] == pytest.approx(0.0, abs=0.04)
+
+
+def test_csv_has_every_probe(verdict: Verdict, tmp_path: Path) -> None:
+    """(3.5)"""
+    path = tmp_path / "map.csv"
+    write_map(verdict, path)
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == verdict.maps[0].height_mm.size
+    lowest = min((row for row in rows if row["deviation_mm"]), key=lambda row: float(row["deviation_mm"]))
+    assert float(lowest["deviation_mm"]) == pytest.approx(-0.03, abs=1e-4)
+    assert float(lowest["y_mm"]) == pytest.approx(5.0, abs=0.01)
+
+
+def test_ply_is_as_long_as_its_head_says(verdict: Verdict, tmp_path: Path) -> None:
+    """(3.5) 19 bytes a vertex, 17 a face; the first vertex is the corner of the plane."""
+    path = tmp_path / "map.ply"
+    write_map(verdict, path)
+    head, body = path.read_bytes().split(b"end_header\n", 1)
+    n, m = verdict.maps[0].height_mm.shape
+    assert f"element vertex {n * m}\n".encode() in head
+    assert len(body) == 19 * n * m + 17 * (n - 1) * (m - 1)
+    assert struct.unpack("<3f", body[:12]) == (0.0, 0.0, 0.0)
+
+
+def test_another_ending_is_refused(verdict: Verdict, tmp_path: Path) -> None:
+    """(2.7)"""
+    with pytest.raises(InputRejected, match=r"\.csv or \.ply"):
+        write_map(verdict, tmp_path / "map.stl")
+
+
+def test_picture_is_a_png(verdict: Verdict, tmp_path: Path) -> None:
+    """(3.5) A picture of some size, and no half-written file beside it."""
+    path = tmp_path / "map.png"
+    plot_deviation(verdict, path)
+    data = path.read_bytes()
+    assert data.startswith(b"\x89PNG")
+    assert struct.unpack(">II", data[16:24]) > (1000, 800)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_page_cannot_be_broken_by_the_program(verdict: Verdict) -> None:
+    """(3.5) What looks like HTML in the program stays text."""
+    program = b"N10 ;</script><script>alert(1)</script>\n"
+    page = page_of(verdict, motions(), program, "t", nodes=1000, pieces=1000)
+    assert "</script><script>alert" not in page
+    assert "http" not in page
+
+
+@pytest.mark.debian
+@pytest.mark.skipif(not CHROMIUM.exists(), reason="needs the Debian package chromium")
+def test_page_in_a_real_browser(verdict: Verdict, tmp_path: Path) -> None:
+    """(3.5) In Chromium the cursor over the gouged pass shows its depth and its block, without any script error."""
+    from playwright.sync_api import sync_playwright
+
+    blocks = ["G90", *(f"N{10 * (k + 2)} G1 X15 Y{k}" for k in range(7)), "M30"]
+    program = "\n".join(blocks).encode()
+    path = tmp_path / "cut.html"
+    write_page(page_of(verdict, motions(), program, "test part", nodes=5000, pieces=1000), path)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", "--disable-gpu"])
+        page = browser.new_page(viewport={"width": 1100, "height": 700})
+        faults: list[str] = []
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.on("request", lambda request: faults.append(request.url) if request.url != path.as_uri() else None)
+        page.goto(path.as_uri())
+        page.wait_for_selector("body[data-ready=yes]")
+        x, y = page.evaluate(
+            "(() => { const b = canvas.getBoundingClientRect(), p = toScreen(6, 5);"
+            " return [b.left + p[0], b.top + p[1]]; })()"
+        )
+        page.mouse.move(x, y)
+        status, marked = page.inner_text("#status"), page.inner_text("#program .here")
+        page.mouse.wheel(0, -300)
+        scale = page.evaluate("view.scale")
+        page.mouse.move(x + 1, y)
+        browser.close()
+    assert faults == []
+    assert "deviation -30.00 um" in status
+    assert "line 7" in status
+    assert "N70 G1 X15 Y5" in marked
+    assert scale > 0
