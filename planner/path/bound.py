@@ -8,38 +8,44 @@ bound the distance everywhere, (F11). Nodes are added where the remainder is a l
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from planner.path.curve import ExactCurve
+from planner.path.curve import ExactCurve, exact_at
 from planner.path.model import Array, Method, PlaneSpline
 from planner.path.plane_spline import Index
 from planner.path.slope_range import SlopeSource, slope_source
 from planner.path.spline_table import SplineTable
 
-ROUNDS = 6
-LARGEST_SLOPE = 0.2
+ROUNDS = 8
+FOOT_STEPS = 8
+CLOSE_ENOUGH = 1.05
 
 
 @dataclass(frozen=True, slots=True)
 class _Marks:
-    """Exact nodes of all curves in one list: `rows` (k,), `arc_mm`, `points` (k, 2), `tangents`, `curvatures`."""
+    """Exact nodes (k,) of all curves, each with its place `feet` on its spline, and the distance there.
+
+    `height` is the signed distance along the spline's normal, mm, `slope` its derivative by the curve's arc length,
+    `drift` the curve's curvature less the spline's, `bend` the spline's.
+    """
 
     rows: Index
     arc_mm: Array
-    points: Array
-    tangents: Array
-    curvatures: Array
+    feet: Array
+    height: Array
+    slope: Array
+    drift: Array
+    bend: Array
 
+    def take(self, chosen: Index) -> _Marks:
+        """These marks."""
+        return _Marks(*(getattr(self, field.name)[chosen] for field in fields(_Marks)))
 
-@dataclass(frozen=True, slots=True)
-class _Parts:
-    """What bounds each interval between marks of one row: `first` (k,) is its left mark."""
-
-    first: Index
-    peak_mm: Array
-    rest_mm: Array
+    def joined(self, more: _Marks) -> _Marks:
+        """These marks and then others."""
+        return _Marks(*(np.append(getattr(self, field.name), getattr(more, field.name)) for field in fields(_Marks)))
 
 
 def certify(curve: ExactCurve, spline: PlaneSpline) -> tuple[float, Method]:
@@ -53,105 +59,83 @@ def certify_all(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline]) ->
     PROVED rests on (F10) to (F13), to the rounding of doubles; SAMPLED estimates the change of curvature from nodes.
     """
     table, source = SplineTable(splines), slope_source(curves)
-    marks = _own_marks(curves)
-    for _ in range(ROUNDS):
-        parts, ends_mm = _bound_parts(table, source, marks)
-        worst_peak = np.zeros(len(curves))
-        owner = marks.rows[parts.first]
-        np.maximum.at(worst_peak, owner, parts.peak_mm)
-        is_loose = parts.rest_mm > 0.1 * worst_peak[owner] + 1e-9
+    rows = np.repeat(np.arange(len(curves)), [curve.arc_mm.size for curve in curves])
+    arc = np.concatenate([curve.arc_mm - curve.arc_mm[0] for curve in curves])
+    marks = _mark(table, rows, arc, table.parameters_at(rows, arc), curves)
+    first = np.flatnonzero(np.diff(rows) == 0)
+    left, right = marks.take(first), marks.take(first + 1)
+    total, highest = _end_gaps(table, curves), np.zeros(len(curves))
+    for turn in range(ROUNDS + 1):
+        peak, rest = _bound_intervals(table, source, left, right)
+        np.maximum.at(highest, left.rows, peak)
         # Only an interval that could be the worst of its row is worth another node.
-        is_loose &= parts.peak_mm + parts.rest_mm > 1.03 * worst_peak[owner]
+        so_far = np.maximum(highest, total)[left.rows]
+        is_loose = (peak + rest > CLOSE_ENOUGH * so_far) & (rest > 1e-10) & (turn < ROUNDS)
+        np.maximum.at(total, left.rows[~is_loose], (peak + rest)[~is_loose])
         if not is_loose.any():
             break
-        marks = _add_marks(curves, marks, parts.first[is_loose])
-    total = np.zeros(len(curves))
-    np.maximum.at(total, owner, parts.peak_mm + parts.rest_mm)
-    total = np.maximum(total, ends_mm)
+        chosen = np.flatnonzero(is_loose)
+        left, right = left.take(chosen), right.take(chosen)
+        middle = _mark(table, left.rows, 0.5 * (left.arc_mm + right.arc_mm), 0.5 * (left.feet + right.feet), curves)
+        left, right = left.joined(middle), middle.joined(right)
     return [(float(value), source.method) for value in total]
 
 
-def _own_marks(curves: Sequence[ExactCurve]) -> _Marks:
-    return _Marks(
-        np.repeat(np.arange(len(curves)), [curve.arc_mm.size for curve in curves]),
-        np.concatenate([curve.arc_mm for curve in curves]),
-        np.concatenate([curve.points for curve in curves]),
-        np.concatenate([curve.tangents for curve in curves]),
-        np.concatenate([curve.curvatures for curve in curves]),
-    )
-
-
-def _add_marks(curves: Sequence[ExactCurve], marks: _Marks, first: Index) -> _Marks:
-    """The marks with one more half-way after each of these, exact."""
-    rows, arc = marks.rows[first], 0.5 * (marks.arc_mm[first] + marks.arc_mm[first + 1])
-    fresh = [curves[row].refine(arc[rows == row]) for row in np.unique(rows)]
-    place = first + 1
-    return _Marks(
-        np.insert(marks.rows, place, rows),
-        np.insert(marks.arc_mm, place, arc),
-        np.insert(marks.points, place, np.concatenate([part.points for part in fresh]), axis=0),
-        np.insert(marks.tangents, place, np.concatenate([part.tangents for part in fresh]), axis=0),
-        np.insert(marks.curvatures, place, np.concatenate([part.curvatures for part in fresh])),
-    )
-
-
-def _bound_parts(table: SplineTable, source: SlopeSource, marks: _Marks) -> tuple[_Parts, Array]:
-    """The parts of the bound for every interval, and what the ends (p,) add, mm."""
-    feet = _feet(table, marks)
-    points, velocity, bend = table.evaluate(marks.rows, feet)
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    ahead = velocity / speed[:, None]
-    gap = marks.points - points
-    height = gap[:, 1] * ahead[:, 0] - gap[:, 0] * ahead[:, 1]
-    slope = ahead[:, 0] * marks.tangents[:, 1] - ahead[:, 1] * marks.tangents[:, 0]
-    spline_bend = (velocity[:, 0] * bend[:, 1] - velocity[:, 1] * bend[:, 0]) / speed**3
-    first = np.flatnonzero(np.diff(marks.rows) == 0)
-    rows, step = marks.rows[first], marks.arc_mm[first + 1] - marks.arc_mm[first]
-    peak = hermite_peaks(height[first], height[first + 1], slope[first] * step, slope[first + 1] * step)
-    curve_low, curve_high = source.enclose(rows, marks.arc_mm[first], marks.arc_mm[first + 1])
-    spline_low, spline_high = table.slope_range(rows, feet[first], feet[first + 1])
-    mean = (marks.curvatures - spline_bend)[first + 1] - (marks.curvatures - spline_bend)[first]
-    # The two curvatures cannot drift apart faster than this, nor closer; (F11) bounds what that can hide.
-    stretch = 1e-3 * np.maximum(np.abs(spline_low), np.abs(spline_high))
-    low, high = curve_low - spline_high - stretch, curve_high - spline_low + stretch
-    low, high = np.minimum(low, mean / step), np.maximum(high, mean / step)
-    hidden = (high * step - mean) * (mean - low * step) / np.maximum((high - low) * step, np.finfo(float).tiny)
-    drift = np.maximum(np.abs(slope[first]), np.abs(slope[first + 1])) + hidden * step + np.abs(mean) * step
-    lift = np.maximum(np.abs(height[first]), np.abs(height[first + 1])) + drift * step
-    largest_bend = np.maximum(np.abs(spline_bend[first]), np.abs(spline_bend[first + 1])) + step * np.maximum(
-        np.abs(spline_low), np.abs(spline_high)
-    )
-    tilt = 1.1 * (drift + np.abs(slope[first]))
-    small = largest_bend * (2 * tilt**2 + 2 * largest_bend * lift)
-    rest = step**2 / 16 * (hidden + small)
-    is_sound = (tilt < LARGEST_SLOPE) & (largest_bend * lift < LARGEST_SLOPE) & (feet[first + 1] > feet[first])
-    rest = np.where(is_sound, rest, np.inf)
-    return _Parts(first, peak, rest), _end_gaps(table, marks)
-
-
-def _end_gaps(table: SplineTable, marks: _Marks) -> Array:
-    """Distances (p,) between the ends of curves and splines, the larger of both ends."""
-    rows = np.arange(len(table.first_knot))
-    starts = np.searchsorted(marks.rows, rows)
-    stops = np.append(starts[1:], len(marks.rows)) - 1
-    begin = table.evaluate(rows, table.first_knot)[0] - marks.points[starts]
-    end = table.evaluate(rows, table.last_knot)[0] - marks.points[stops]
-    return np.asarray(np.maximum(np.hypot(begin[:, 0], begin[:, 1]), np.hypot(end[:, 0], end[:, 1])))
-
-
-def _feet(table: SplineTable, marks: _Marks) -> Array:
-    """Parameters (k,) of the spline points whose normals pass through the marks; end pieces go on beyond the ends."""
-    starts = np.searchsorted(marks.rows, np.arange(len(table.first_knot)))
-    feet = table.parameters_at(marks.rows, marks.arc_mm - marks.arc_mm[starts][marks.rows])
-    for _ in range(12):
-        points, velocity, bend = table.evaluate(marks.rows, feet)
-        gap = points - marks.points
-        miss = (gap * velocity).sum(axis=1)
+def _mark(table: SplineTable, rows: Index, arc_mm: Array, near: Array, curves: Sequence[ExactCurve]) -> _Marks:
+    """Marks at these places, from parameters near their feet, (F10)."""
+    exact = exact_at(curves, rows, arc_mm)
+    feet = near
+    for _ in range(FOOT_STEPS):
+        points, velocity, bend = table.evaluate(rows, feet)
+        gap = points - exact.points
         square = (velocity**2).sum(axis=1)
-        feet = feet - miss / np.maximum(square + (gap * bend).sum(axis=1), 0.1 * square)
-        if (np.abs(miss) <= 1e-13 * np.sqrt(square)).all():
+        change = np.maximum(square + (gap * bend).sum(axis=1), 0.1 * square)
+        step = (gap * velocity).sum(axis=1) / change
+        feet = feet - step
+        if np.abs(step).max(initial=0.0) < 1e-9:
             break
-    return np.asarray(feet)
+    points, velocity, bend = table.evaluate(rows, feet)
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    ahead, gap = velocity / speed[:, None], exact.points - points
+    spline_bend = (velocity[:, 0] * bend[:, 1] - velocity[:, 1] * bend[:, 0]) / speed**3
+    return _Marks(
+        rows,
+        arc_mm,
+        feet,
+        height=gap[:, 1] * ahead[:, 0] - gap[:, 0] * ahead[:, 1],
+        slope=ahead[:, 0] * exact.tangents[:, 1] - ahead[:, 1] * exact.tangents[:, 0],
+        drift=exact.curvatures - spline_bend,
+        bend=spline_bend,
+    )
+
+
+def _bound_intervals(table: SplineTable, source: SlopeSource, left: _Marks, right: _Marks) -> tuple[Array, Array]:
+    """The peak (k,) of the Hermite interpolant between two marks each, mm, and the remainder beside it, (F11)."""
+    step = right.arc_mm - left.arc_mm
+    peak = hermite_peaks(left.height, right.height, left.slope * step, right.slope * step)
+    curve_low, curve_high = source.enclose(left.rows, left.arc_mm, right.arc_mm)
+    spline_low, spline_high = table.slope_range(left.rows, left.feet, right.feet)
+    steepest = np.maximum(np.abs(spline_low), np.abs(spline_high))
+    # A mm of the curve is a mm of the spline to better than a thousandth, which the soundness below ensures.
+    low, high = curve_low - spline_high - 1e-3 * steepest, curve_high - spline_low + 1e-3 * steepest
+    rise = right.drift - left.drift
+    low, high = np.minimum(low, rise / step), np.maximum(high, rise / step)
+    hidden = (high * step - rise) * (rise - low * step) / np.maximum((high - low) * step, np.finfo(float).tiny)
+    pull = np.maximum(np.abs(left.drift), np.abs(right.drift)) + hidden
+    tilt = np.maximum(np.abs(left.slope), np.abs(right.slope)) + 1.1 * pull * step
+    lift = np.maximum(np.abs(left.height), np.abs(right.height)) + 1.1 * tilt * step
+    bend = np.maximum(np.abs(left.bend), np.abs(right.bend)) + steepest * step
+    neglected = (bend + pull) * (tilt**2 + 2 * bend * lift)
+    is_sound = (tilt**2 + 2 * bend * lift < 1e-3) & (right.feet > left.feet)
+    return peak, np.where(is_sound, step**2 / 16 * (hidden + 2 * neglected), np.inf)
+
+
+def _end_gaps(table: SplineTable, curves: Sequence[ExactCurve]) -> Array:
+    """Distances (p,) between the ends of curves and splines, the larger of both ends, (F13)."""
+    rows = np.arange(len(curves))
+    begin = table.evaluate(rows, table.first_knot)[0] - np.array([curve.points[0] for curve in curves])
+    end = table.evaluate(rows, table.last_knot)[0] - np.array([curve.points[-1] for curve in curves])
+    return np.asarray(np.maximum(np.hypot(begin[:, 0], begin[:, 1]), np.hypot(end[:, 0], end[:, 1])))
 
 
 def hermite_peaks(y0: Array, y1: Array, d0: Array, d1: Array) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.path.model import Array
+from planner.path.trace import TracedCurve, refine_many
 
 
 class Samples(Protocol):
@@ -56,6 +57,34 @@ class Nodes:
     def take(self, rows: NDArray[np.intp]) -> Nodes:
         """These curves only."""
         return Nodes(self.arc_mm[rows], self.points[:, rows], self.tangents[:, rows])
+
+
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """Exact values at places of several curves: `points` (k, 2), `tangents` (k, 2), `curvatures` (k,)."""
+
+    points: Array
+    tangents: Array
+    curvatures: Array
+
+
+def exact_at(curves: Sequence[ExactCurve], rows: NDArray[np.intp], arc_mm: Array) -> Exact:
+    """The exact curves[rows[i]] at arc length arc_mm[i] from its start; traced curves are solved in one go."""
+    order = np.argsort(rows, kind="stable")
+    asked, starts = np.unique(rows[order], return_index=True)
+    chosen = [curves[row] for row in asked]
+    arcs = [part + curve.arc_mm[0] for curve, part in zip(chosen, np.split(arc_mm[order], starts[1:]), strict=True)]
+    traced = [curve for curve in chosen if isinstance(curve, TracedCurve)]
+    if len(traced) == len(chosen) and all(curve.surface is traced[0].surface for curve in traced):
+        found: Sequence[Samples] = refine_many(traced, arcs)
+    else:
+        found = [curve.refine(arc) for curve, arc in zip(chosen, arcs, strict=True)]
+    back = np.argsort(order, kind="stable")
+    return Exact(
+        np.concatenate([part.points for part in found])[back],
+        np.concatenate([part.tangents for part in found])[back],
+        np.concatenate([part.curvatures for part in found])[back],
+    )
 
 
 class CurveTable:

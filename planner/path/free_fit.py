@@ -16,6 +16,7 @@ from planner.path.model import Array
 from planner.path.plane_spline import Index, basis, find_spans, pieces
 
 GIVE_UP_AFTER = 5
+FEWEST_NODES = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +77,14 @@ def project(nodes: Nodes, fit: Fit, *, steps: int) -> tuple[Fit, Array]:
     return Fit(fit.knots, fit.control_points, feet, np.abs(distance).max(axis=1)), distance
 
 
-def improve(nodes: Nodes, fit: Fit, *, powers: Array, target_mm: float) -> Fit:
+def improve(nodes: Nodes, fit: Fit, *, powers: Array, targets_mm: Array) -> Fit:
     """The fit after one damped Gauss-Newton step for every power of `powers`: 2 is least squares, more nears minimax.
 
     A step that raises its own sum of powers is dropped and the damping raised, row by row (F8). A row stops when it
-    reaches the target, or when it is far from it and has gained less than a tenth in some steps.
+    reaches its target of `targets_mm` (p,), or when it is far from it and has gained less than a tenth in some steps.
     """
     best = Fit(fit.knots.copy(), fit.control_points.copy(), fit.feet.copy(), fit.errors_mm.copy())
-    live = np.flatnonzero(fit.errors_mm > target_mm)
+    live = np.flatnonzero(fit.errors_mm > targets_mm)
     fit, part, damping = fit.take(live), nodes.take(live), np.full(len(live), 1e-4)
     history: list[Array] = []
     for power in powers:
@@ -94,10 +95,10 @@ def improve(nodes: Nodes, fit: Fit, *, powers: Array, target_mm: float) -> Fit:
         best.put(live[is_better], fit.take(np.flatnonzero(is_better)))
         reached = best.errors_mm[live]
         history.append(reached)
-        is_open = reached > target_mm
+        is_open = reached > targets_mm[live]
         if len(history) > GIVE_UP_AFTER:
             gain = history[-1 - GIVE_UP_AFTER] / reached
-            is_open &= (gain**2 > reached / target_mm) | (gain > 1.1)
+            is_open &= (gain**2 > reached / targets_mm[live]) | (gain > 1.1)
         if not is_open.all():
             kept = np.flatnonzero(is_open)
             live, fit, part, damping = live[kept], fit.take(kept), part.take(kept), damping[kept]
@@ -108,6 +109,11 @@ def improve(nodes: Nodes, fit: Fit, *, powers: Array, target_mm: float) -> Fit:
 def _step(nodes: Nodes, fit: Fit, power: float, damping: Array) -> tuple[Fit, Array]:
     """One damped Gauss-Newton step on the sum of this power of the distances, and the new damping (p,)."""
     distance, jacobian = linearise(nodes, fit)
+    floor = _floors(fit)
+    # Knots beside an interval at its floor stay, or every step would be cut to nothing.
+    is_held = np.diff(fit.knots[:, 3:-3], axis=1) <= 1.05 * floor
+    first = jacobian.shape[2] - (fit.knots.shape[1] - 8)
+    jacobian[:, :, first:] *= ~(is_held[:, None, :-1] | is_held[:, None, 1:])
     largest = np.maximum(np.abs(distance).max(axis=1, keepdims=True), np.finfo(float).tiny)
     share = np.abs(distance) / largest
     weight = (share + 1e-3) ** (power - 2.0)
@@ -116,25 +122,34 @@ def _step(nodes: Nodes, fit: Fit, power: float, damping: Array) -> tuple[Fit, Ar
     diagonal = np.einsum("pii->pi", matrix)
     diagonal += damping[:, None] * diagonal + 1e-9 * diagonal.max(axis=1, keepdims=True)
     step = np.linalg.solve(matrix, weighted @ distance[..., None])[..., 0] / (1.0 - power)
-    moved, new_distance = project(nodes, _move(fit, step), steps=2)
+    moved, new_distance = project(nodes, _move(fit, step, floor), steps=2)
     is_better = ((np.abs(new_distance) / largest) ** power).sum(axis=1) < (share**power).sum(axis=1)
     moved.put(np.flatnonzero(~is_better), fit.take(np.flatnonzero(~is_better)))
     return moved, np.where(is_better, 0.2 * damping, 10.0 * damping)
 
 
-def _move(fit: Fit, step: Array) -> Fit:
-    """The fit moved by unknowns (p, 3n - 8); a step that would shrink a knot interval below half is shortened."""
+def _move(fit: Fit, step: Array, floor: Array) -> Fit:
+    """The fit moved by unknowns (p, 3n - 8); shortened where a knot interval would halve or fall below its floor."""
     rows, inner = len(fit.knots), fit.control_points.shape[2] - 2
     points, knots = step[:, : 2 * inner].reshape(rows, 2, inner), step[:, 2 * inner :]
     widths = np.diff(fit.knots[:, 3:-3], axis=1)
     growth = np.empty_like(widths)
     growth[:, :-1], growth[:, -1] = knots, 0.0
     growth[:, 1:] -= knots
-    share = np.minimum(1.0, (0.5 * widths / np.maximum(-growth, 0.5 * widths)).min(axis=1))
+    room = np.clip(widths - floor, 0.0, 0.5 * widths)
+    share = np.where(growth < -room, room / np.maximum(-growth, room + np.finfo(float).tiny), 1.0).min(axis=1)
     new_knots, new_points = fit.knots.copy(), fit.control_points.copy()
     new_knots[:, 4:-4] += share[:, None] * knots
     new_points[:, :, 1:-1] += (share[:, None, None] * points).transpose(1, 0, 2)
     return Fit(new_knots, new_points, fit.feet, fit.errors_mm)
+
+
+def _floors(fit: Fit) -> Array:
+    """The least width (p, spans) that leaves each knot interval its fewest nodes."""
+    rows, spans = len(fit.knots), fit.knots.shape[1] - 7
+    places = find_spans(fit.knots, fit.feet) - 3 + spans * np.arange(rows)[:, None]
+    counts = np.bincount(places.ravel(), minlength=rows * spans).reshape(rows, spans)
+    return np.asarray(FEWEST_NODES / np.maximum(counts, 1) * np.diff(fit.knots[:, 3:-3], axis=1))
 
 
 def linearise(nodes: Nodes, fit: Fit) -> tuple[Array, Array]:

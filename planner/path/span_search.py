@@ -66,7 +66,8 @@ class SpanSearch:
     """The search over one table of curves for one tolerance; `found` has a candidate for every curve done."""
 
     def __init__(self, table: CurveTable, tolerance_mm: float, most_spans: int) -> None:
-        self._table, self._tolerance_mm, self._most_spans = table, tolerance_mm, most_spans
+        self._table, self._most_spans = table, most_spans
+        self._aims_mm = np.full(len(table.lengths_mm), tolerance_mm)
         self.found: dict[int, Candidate] = {}
         self.ends: dict[int, SearchEnd] = {}
 
@@ -80,6 +81,7 @@ class SpanSearch:
         while stride > 1:
             stride //= 2
             self._follow([row for row in range(0, count, stride) if row not in self.found])
+        self._share()
 
     def from_scratch(self, asked: dict[int, int]) -> None:
         """Rising numbers of spans from those asked, each from evenly crowded knots, until the tolerance is kept."""
@@ -96,16 +98,20 @@ class SpanSearch:
                     if candidate.spans >= self._most_spans:
                         self.found[row], self.ends[row] = candidate, SearchEnd.TOO_MANY_SPANS
                     else:
-                        following[row] = self._more(candidate)
+                        following[row] = self._more(row, candidate)
             asked = following
 
-    def raise_spans(self, rows: Sequence[int]) -> None:
-        """Search again with more spans than these curves have now."""
-        self._lengthen({row: self.found.pop(row) for row in rows})
+    def tighten(self, shares: dict[int, float]) -> None:
+        """Search these curves again for a smaller error at the nodes, with the same spans or with more."""
+        before = {row: self.found.pop(row) for row in shares}
+        for row, share in shares.items():
+            self._aims_mm[row] *= share
+        got = self._fit({row: _start_of(candidate) for row, candidate in before.items()}, FROM_NEIGHBOUR)
+        self._lengthen({row: candidate for row, candidate in got.items() if not self._accept(row, candidate)})
 
-    def _more(self, candidate: Candidate) -> int:
+    def _more(self, row: int, candidate: Candidate) -> int:
         """The next number of spans: the sixth-order guess, kept a little low so as not to miss the fewest."""
-        guess = candidate.spans * (candidate.error_mm / self._tolerance_mm) ** (1 / 6)
+        guess = candidate.spans * (candidate.error_mm / self._aims_mm[row]) ** (1 / 6)
         return int(min(max(candidate.spans + 1, 0.8 * guess), 4 * candidate.spans, self._most_spans))
 
     def _follow(self, rows: Sequence[int]) -> None:
@@ -113,15 +119,27 @@ class SpanSearch:
         got = self._fit({row: self._between(row) for row in rows}, FROM_NEIGHBOUR)
         self._lengthen({row: candidate for row, candidate in got.items() if not self._accept(row, candidate)})
 
+    def _share(self) -> None:
+        """Let a curve with many more spans than a neighbour try that neighbour's, once up and once down the rows."""
+        count = len(self._table.lengths_mm)
+        for ahead in (1, -1):
+            starts = {}
+            for row in range(max(0, -ahead), count - max(0, ahead)):
+                mine, other = self.found[row], self.found[row + ahead]
+                if other.spans + 1 < mine.spans and self.ends[row + ahead] is SearchEnd.FITTED:
+                    starts[row] = _with_knot(other)
+            for row, candidate in self._fit(starts, FROM_SCRATCH).items():
+                self._accept(row, candidate)
+
     def _lengthen(self, short: dict[int, Candidate]) -> None:
         """Add a knot where each is worst, a few times; what still fails is searched from scratch."""
         for _ in range(EXTRA_KNOTS):
             got = self._fit({row: _with_knot(candidate) for row, candidate in short.items()}, FROM_NEIGHBOUR)
             short = {row: candidate for row, candidate in got.items() if not self._accept(row, candidate)}
-        self.from_scratch({row: candidate.spans + 1 for row, candidate in short.items()})
+        self.from_scratch({row: candidate.spans for row, candidate in short.items()})
 
     def _accept(self, row: int, candidate: Candidate) -> bool:
-        if candidate.error_mm <= self._tolerance_mm:
+        if candidate.error_mm <= self._aims_mm[row]:
             self._keep(row, candidate)
         return row in self.found
 
@@ -161,14 +179,14 @@ class SpanSearch:
         nodes = self._table.nodes(rows, node_count(starts[0].spans))
         knots = np.stack([start.knots for start in starts]) * lengths_mm
         fit = start_fit(nodes, knots, np.stack([start.feet for start in starts]) * lengths_mm)
-        fit, distance = project(nodes, improve(nodes, fit, powers=powers, target_mm=self._tolerance_mm), steps=1)
+        fit, distance = project(nodes, improve(nodes, fit, powers=powers, targets_mm=self._aims_mm[rows]), steps=1)
         worst = np.abs(distance).argmax(axis=1)
         return {row: _candidate(fit, at, int(worst[at])) for at, row in enumerate(rows)}
 
 
 def node_count(spans: int) -> int:
     """How many places of a curve a spline of so many spans is fitted to."""
-    return 8 * spans + 13
+    return 10 * spans + 13
 
 
 def _candidate(fit: Fit, at: int, worst: int) -> Candidate:

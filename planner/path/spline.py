@@ -12,6 +12,7 @@ from planner.path.model import Method, PlaneSpline
 from planner.path.span_search import SearchEnd, SpanSearch
 
 MOST_SPANS = 400
+AIM = 0.92
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +31,14 @@ def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[Fitted
     """
     if not curves:
         return []
-    search = SpanSearch(CurveTable(curves), 0.97 * tolerance_mm, MOST_SPANS)
+    search = SpanSearch(CurveTable(curves), AIM * tolerance_mm, MOST_SPANS)
     search.run()
     done: dict[int, FittedSpline] = {}
     while len(done) < len(curves):
         rows = [row for row in range(len(curves)) if row not in done]
         splines = [PlaneSpline(3, search.found[row].knots, search.found[row].control_points) for row in rows]
         bounds = certify_all([curves[row] for row in rows], splines)
-        short = []
+        short: dict[int, float] = {}
         for row, spline, (deviation_mm, method) in zip(rows, splines, bounds, strict=True):
             found = search.found[row]
             if deviation_mm <= tolerance_mm:
@@ -46,6 +47,6 @@ def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[Fitted
                 what = f"pass {row + 1} is {1e3 * deviation_mm:.3g} um off at {found.spans} spans"
                 raise InputRejected(f"{what}: {search.ends[row].value}", remedy="give a larger path_mm")
             else:
-                short.append(row)
-        search.raise_spans(short)
+                short[row] = min(0.95, max(0.5, 0.97 * tolerance_mm / deviation_mm))
+        search.tighten(short)
     return [done[row] for row in range(len(curves))]
