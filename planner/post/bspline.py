@@ -2,7 +2,7 @@
 
 Rule `nx` (a vendor's post): the point before BSPLINE is P0, the blocks carry P1 ... Pn-1 with PL(i) = U(i+2) - U(i+1),
 so the first and the last PL are 0. Rule `genua` writes P0 too, with PL(i) = U(i+3) - U(i+2). Only the ratios of the
-knots matter, so each pass has its own scale on which all intervals are short whole numbers.
+knots matter, so each pass has its own scale, on which all intervals are short and mostly whole numbers.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from planner.post.rounding import SpanChain, path_bound_mm
 from planner.post.spans import bezier_points, in_work, knot_lengths, power_form
 
 KnotRule = Literal["nx", "genua"]
-_KNOT_DIGITS = 6
+_KNOT_DIGITS = 8
+_WHOLE_DIGITS = 4  # the largest interval written: PL is read up to 99999.9999
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ def bspline_passes(
     """
     curves = [_curve_of(one, drop_z_mm, min_blocks) for one in passes]
     finest = min(fine + 1, most_decimals)
-    least = np.tile(np.array([min(fine, most_decimals), min(fine, most_decimals), _KNOT_DIGITS - 2]), (len(curves), 1))
+    least = np.tile(np.array([min(fine, most_decimals), min(fine, most_decimals), _WHOLE_DIGITS]), (len(curves), 1))
     most = np.tile(np.array([finest, finest, _KNOT_DIGITS]), (len(curves), 1))
 
     def bound_mm(digits: Digits) -> Array:
@@ -127,7 +128,7 @@ def _pass_text(curve: _Curve, digits: Digits, fine: int, bound_mm: float, knot_r
         [decimal_text(unit, place) for unit, place in zip(row, places, strict=True)]
         for row, places in zip(units.tolist(), decimals.tolist(), strict=True)
     ]
-    intervals = _shortest(_intervals(curve.spline, int(digits[2]))).tolist()
+    intervals = _interval_texts(curve.spline, int(digits[2]))
     first, offset = (1, 1) if knot_rule == "nx" else (0, 2)
     blocks = []
     for number in range(first, len(texts)):
@@ -140,6 +141,9 @@ def _pass_text(curve: _Curve, digits: Digits, fine: int, bound_mm: float, knot_r
     return PassText(Point.of(curve.points[0], fine), Point.of(curve.points[-1], fine), tuple(blocks), bound_mm)
 
 
-def _shortest(intervals: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The intervals divided by their greatest common divisor."""
-    return intervals // max(int(np.gcd.reduce(intervals)), 1)
+def _interval_texts(spline: PlaneSpline, digits: int) -> list[str]:
+    """The intervals as PL says them: divided by their greatest common divisor, with decimals where they are long."""
+    units = _intervals(spline, digits)
+    units = units // max(int(np.gcd.reduce(units)), 1)
+    decimals = max(len(str(units.max())) - _WHOLE_DIGITS - 1, 0)
+    return [decimal_text(unit, decimals) for unit in units.tolist()]

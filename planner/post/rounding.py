@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from planner.path.model import Array
 
 _PIECES = 4
+_LONGEST_SLIDE = 0.5  # of a span
 _POWERS = np.arange(4)
 _NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
 
@@ -90,7 +91,8 @@ def path_bound_mm(exact: SpanChain, written: Array) -> Array:
     W(p) = C(p) + e(p) is compared with C(p + s(p)); the slide s is the cubic through e . C1 / |C1|^2 at four parameters
     (C1, C2, C3: derivatives), 0 at the ends of a pass and equal on both sides of a joint, so the match covers the whole
     curve. By Taylor, |W - C(p + s)| <= |e - C1 s| + max |C2| s^2 / 2 + |C3| |s|^3 / 6, the first term bounded by its
-    hull; where the match runs over the end of a span, the difference of the two polynomials there is added.
+    hull; where the match runs over the end of a span, the difference of the two polynomials there is added. A pass
+    where a slide is longer than half a span or half its neighbour is bounded without sliding.
     """
     error = written - exact.power
     at_nodes = (np.einsum("nk,mkd->mnd", _VALUES, error) * exact.pull).sum(axis=2)
@@ -101,7 +103,18 @@ def path_bound_mm(exact: SpanChain, written: Array) -> Array:
         across[:, power : power + 4] -= exact.slope[:, power, None, :] * slide[:, :, None]
     reach = curve_bound_mm(slide[:, :, None])
     remainder = exact.bend * reach**2 / 2.0 + exact.third * reach**3 / 6.0
-    return np.asarray(curve_bound_mm(across) + remainder + _overrun_mm(exact, reach))
+    slid_mm = curve_bound_mm(across) + remainder + _overrun_mm(exact, reach)
+    return np.where(_slides_far(exact, reach), curve_bound_mm(error), slid_mm)
+
+
+def _slides_far(exact: SpanChain, reach: Array) -> NDArray[np.bool_]:
+    """For every span (m,), whether any slide of its pass is too long for the argument of `path_bound_mm`."""
+    into_before = np.where(exact.is_first, 0.0, reach * exact.ratio)
+    into_after = np.where(exact.is_last, 0.0, reach / np.roll(exact.ratio, -1))
+    is_far = np.maximum(reach, np.maximum(into_before, into_after)) > _LONGEST_SLIDE
+    starts = np.flatnonzero(exact.is_first)
+    lengths = np.diff(np.append(starts, len(reach)))
+    return np.repeat(np.logical_or.reduceat(is_far, starts), lengths)
 
 
 def _overrun_mm(exact: SpanChain, reach: Array) -> Array:

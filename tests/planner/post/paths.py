@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from scipy.spatial import cKDTree
 
 from planner.job import Job, load_job
 from planner.path.model import DrivingPlane, Method, Pass, PlaneSpline, Polyline, ToolPath
@@ -41,3 +42,16 @@ def tool_path(
     )
     gaps = np.full(max(len(passes) - 1, 0), 1.5)
     return ToolPath(passes, 4.0, gaps, np.full(len(gaps), 0.07), Method.PROVED)
+
+
+def distance_mm(these: np.ndarray, those: np.ndarray) -> float:
+    """Largest distance of these points from the chords through those, on both sides of the nearest point."""
+    those = those[np.append(True, np.abs(np.diff(those, axis=0)).max(axis=1) > 1e-9)]
+    at = cKDTree(those).query(these)[1]
+    best = np.full(len(these), np.inf)
+    for low in (np.maximum(at - 1, 0), np.minimum(at, len(those) - 2)):
+        start, leg = those[low], those[low + 1] - those[low]
+        square = np.maximum((leg**2).sum(axis=1), 1e-300)
+        share = np.clip(((these - start) * leg).sum(axis=1) / square, 0.0, 1.0)[:, None]
+        best = np.minimum(best, np.linalg.norm(these - start - share * leg, axis=1))
+    return float(best.max())

@@ -1,0 +1,145 @@
+"""What the interpreter makes of a program lies on the passes: post and interpreter share syntax, never meaning."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import BSpline
+
+from planner.path.model import Pass, PlaneSpline, ToolPath
+from planner.post.base import ControlLimits, Written, write_program
+from sim.interpreter import canon
+from sim.interpreter.run import interpret
+from sim.interpreter.settings import KnotRule, Settings
+from tests.planner.post.paths import distance_mm, job, polyline, spline, tool_path
+
+LIMITS = ControlLimits(retract_z_mm=400.0)
+DENSE = 12_001
+
+
+def write(path: ToolPath, limits: ControlLimits = LIMITS, **post: str) -> Written:
+    made = job(**post)
+    return write_program(made, made.operation[0], path, limits)
+
+
+def cut_curves(data: bytes, settings_: Settings | None = None) -> list[list[canon.Motion]]:
+    """The cutting motions pass by pass, plunges left out."""
+    passes: list[list[canon.Motion]] = []
+    for command in interpret(data, settings_ or Settings()):
+        assert not isinstance(command, canon.Alarm), command
+        if isinstance(command, canon.ExactStopOnce):
+            passes.append([])
+        elif isinstance(command, (canon.Line, canon.Polynomial, canon.Arc)):
+            passes[-1].append(command)
+    return [one[1:] for one in passes]
+
+
+def points_of(motion: canon.Motion, count: int) -> np.ndarray:
+    share = np.linspace(0.0, 1.0, count)[:, None]
+    start, end = np.array(motion.start), np.array(motion.end)
+    if isinstance(motion, canon.Polynomial):
+        p = share * motion.length
+        return sum(np.array(vector) * p**power for power, vector in enumerate(motion.coefficients))
+    if isinstance(motion, canon.Arc):
+        centre, axis = np.array(motion.centre), np.array(motion.axis)
+        arm = start - centre
+        angle = share * motion.sweep_rad
+        return centre + arm * np.cos(angle) + np.cross(axis, arm) * np.sin(angle)
+    return start + share * (end - start)
+
+
+def exact_points(one: Pass, radius_mm: float) -> np.ndarray:
+    shape = one.shape
+    if isinstance(shape, PlaneSpline):
+        t = np.linspace(shape.knots[0], shape.knots[-1], DENSE)
+        plane = BSpline(shape.knots, shape.control_points, shape.degree)(t)
+    else:
+        legs = np.linspace(0.0, 1.0, 201)[:, None]
+        plane = np.concatenate([a + legs * (b - a) for a, b in zip(shape.points, shape.points[1:], strict=False)])
+    return one.plane.to_work(plane) - [0.0, 0.0, radius_mm]
+
+
+def check_round_trip(path: ToolPath, written: Written, settings_: Settings | None = None) -> None:
+    curves = cut_curves(written.data, settings_)
+    assert len(curves) == len(path.passes)
+    for one, motions in zip(path.passes, curves, strict=True):
+        read = np.concatenate([points_of(motion, DENSE // len(motions)) for motion in motions])
+        exact = exact_points(one, path.radius_mm)
+        assert distance_mm(read, exact) <= written.rounding_mm + 2e-6
+        assert distance_mm(exact, read) <= written.rounding_mm + 2e-6
+        assert written.rounding_mm + one.deviation_mm <= 0.001 + 1e-12
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(0, 10**6),
+    st.integers(0, 5),
+    st.sampled_from(["poly", "bspline"]),
+    st.sampled_from([0.0, math.pi / 2, math.pi, 0.3, 2.1, -1.2]),
+)
+def test_splines_come_back(seed: int, inner: int, blocks: str, angle_rad: float) -> None:
+    """POLY and BSPLINE as the interpreter reads them, in any vertical plane (6.9, 2.3)."""
+    path = tool_path([spline(seed, inner=inner), spline(seed + 1, inner=inner)], angle_rad=angle_rad)
+    check_round_trip(path, write(path, blocks=blocks))
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from([0.0, math.pi / 2, 0.7]))
+def test_lines_come_back(seed: int, angle_rad: float) -> None:
+    """(6.9)"""
+    path = tool_path([polyline(seed), polyline(seed + 1)], angle_rad=angle_rad)
+    check_round_trip(path, write(path, blocks="linear"))
+
+
+def test_the_other_knot_rule_comes_back_at_a_control_of_that_rule() -> None:
+    """(2.3)"""
+    path = tool_path([spline(1, inner=3)])
+    written = write(path, ControlLimits(knot_rule="genua"), blocks="bspline")
+    check_round_trip(path, written, Settings(knot_rule=KnotRule.GENUA))
+    with pytest.raises(AssertionError):
+        check_round_trip(path, written, Settings(knot_rule=KnotRule.NX))
+
+
+def test_bspline_and_poly_trace_the_same_points() -> None:
+    """Within 1e-6 mm before rounding: at many digits both are the same curve (2.3)."""
+    path = tool_path([spline(8, inner=4)], deviation_mm=0.0)
+    made = job()
+    operation = made.operation[0].__class__(**{**_fields(made.operation[0]), "path_mm": 1e-7})
+    read = []
+    for blocks in ("poly", "bspline"):
+        written = write_program(job(blocks=blocks), operation, path, LIMITS)
+        (motions,) = cut_curves(written.data)
+        assert len(motions) == 5
+        read.append(np.concatenate([points_of(motion, 50) for motion in motions]))
+    assert np.abs(read[0] - read[1]).max() < 1e-6
+
+
+def _fields(value: object) -> dict[str, object]:
+    return {name: getattr(value, name) for name in value.__struct_fields__}  # type: ignore[attr-defined]
+
+
+def test_a_block_lowered_by_two_microns_is_seen() -> None:
+    """The comparison can fail (6.9)."""
+    path = tool_path([spline(3)])
+    written = write(path, blocks="poly")
+    text = written.data.decode()
+    place = text.index("PO[Z]=(") + len("PO[Z]=(")
+    stop = text.index(",", place)
+    lowered = f"{float(text[place:stop]) - 0.002:.4f}"
+    spoiled = Written((text[:place] + lowered + text[stop:]).encode(), 0, 0, 0, written.rounding_mm, written.sidecar)
+    with pytest.raises(AssertionError):
+        check_round_trip(path, spoiled)
+
+
+def test_lifted_program_runs_above() -> None:
+    """(6.8)"""
+    path = tool_path([spline(3)])
+    made = job(blocks="poly")
+    low = write_program(made, made.operation[0], path, LIMITS)
+    high = write_program(made, made.operation[0], path, LIMITS, lift_mm=20.0)
+    for a, b in zip(cut_curves(low.data)[0], cut_curves(high.data)[0], strict=True):
+        assert b.end == pytest.approx((a.end[0], a.end[1], a.end[2] + 20.0))
