@@ -17,22 +17,21 @@ def feed_limit_mm_min(
     """The highest programmed feed, mm/min, at which the line keeps up with every window of the program, eq. (17).
 
     Block i has `block_bytes[i]` bytes, cuts `cut_mm[i]` at the feed and takes `other_s[i]` besides (plunges, dwells;
-    both at this override already). In no window of `window_s` seconds of machine time may more bytes fall due than the
-    line brings in it; a block falls due when it begins. Infinite where nothing is cut.
+    both at this override already). In no window of `window_s` seconds of machine time that begins with a cutting block
+    may more bytes fall due than the line brings in it; a block falls due when it begins. Infinite where nothing starves.
 
     >>> one = np.ones(1000)
     >>> round(feed_limit_mm_min(20 * one, one, 0 * one, bytes_per_s=960, override=1.0), 1)
     2880.0
     """
-    if not np.any(cut_mm > 0):
-        return float("inf")
+    cuts = np.flatnonzero(cut_mm > 0)
     before = np.append(0.0, np.cumsum(block_bytes))
     room = bytes_per_s * window_s
 
     def starves(feed_mm_s: float) -> bool:
         start_s = np.append(0.0, np.cumsum(cut_mm / (feed_mm_s * override) + other_s))[:-1]
-        beyond = np.searchsorted(start_s, start_s + window_s - 1e-9 * window_s)
-        return bool(np.any(before[beyond] - before[:-1] > room * (1 + 1e-12)))
+        beyond = np.searchsorted(start_s, start_s[cuts] + window_s - 1e-9 * window_s)
+        return bool(np.any(before[beyond] - before[cuts] > room * (1 + 1e-12)))
 
     low, high = 1e-3, 1e6
     if not starves(high):

@@ -67,9 +67,10 @@ def survey(ground: Ground, planes_mm: Array, height_mm: float, *, coarse: int = 
     """
     heights = border_heights(ground.surface, ground.border, planes_mm)
     ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
-    gap, x = _stations(*stretches(ends), coarse * ground.station_mm)
-    inner = inner_cusps(ground.surface, ground.seeds, planes_mm, gap, x, height_mm)
-    tops = _tops(ground, inner, planes_mm)
+    gaps, start, stop = stretches(ends)
+    stretch, x = _stations(start, stop, coarse * ground.station_mm)
+    inner = inner_cusps(ground.surface, ground.seeds, planes_mm, gaps[stretch], x, height_mm)
+    tops = _tops(ground, inner, stretch, planes_mm)
     missed = int((~inner.cusps.is_found).sum())
     return _peaks(ground, heights, planes_mm, ends, tops, missed), tops
 
@@ -87,6 +88,17 @@ def survey_at(ground: Ground, planes_mm: Array, tops: GapCusps) -> Peaks:
     return _peaks(ground, heights, planes_mm, ends, inside, 0)
 
 
+def profile(ground: Ground, planes_mm: Array, gap: int, count: int) -> tuple[Array, Array]:
+    """The cusp line of one gap: places x and heights, about `count` of each, inside the border."""
+    heights = border_heights(ground.surface, ground.border, planes_mm)
+    ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
+    gaps, start, stop = stretches(ends)
+    start, stop = start[gaps == gap], stop[gaps == gap]
+    _, x = _stations(start, stop, max(float(np.sum(stop - start)) / count, 1e-3))
+    found = inner_cusps(ground.surface, ground.seeds, planes_mm, np.full(len(x), gap), x, 0.0).cusps
+    return x[found.is_found], found.height_mm[found.is_found]
+
+
 def strip_behind(ground: Ground, planes_mm: Array) -> tuple[float, float]:
     """The greatest height on the border behind the last of these planes, and its change by that plane."""
     last = planes_mm[-1:]
@@ -101,22 +113,22 @@ def lay_ground(surface: OffsetSurface, seeds: Seeds, *, pick_feed_mm: float) -> 
     return Ground(surface, seeds, border, station_mm=float(min(surface.radius_mm, span)))
 
 
-def _stations(gap: Indices, start: Array, stop: Array, spacing_mm: float) -> tuple[Indices, Array]:
-    """Places along each stretch, both ends included, at most `spacing_mm` apart and at least 5."""
+def _stations(start: Array, stop: Array, spacing_mm: float) -> tuple[Indices, Array]:
+    """Places along each stretch and its index: both ends included, at most `spacing_mm` apart and at least 5."""
     counts = np.maximum(np.ceil((stop - start) / spacing_mm), 4).astype(np.intp) + 1
-    owner = np.repeat(np.arange(len(gap)), counts)
+    owner = np.repeat(np.arange(len(start)), counts)
     rank = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     share = rank / (counts[owner] - 1)
-    return gap[owner], start[owner] + share * (stop - start)[owner]
+    return owner, start[owner] + share * (stop - start)[owner]
 
 
-def _tops(ground: Ground, inner: GapCusps, planes_mm: Array, rounds: int = 3) -> GapCusps:
+def _tops(ground: Ground, inner: GapCusps, stretch: Indices, planes_mm: Array, rounds: int = 3) -> GapCusps:
     """Interior maxima: the slope's zero between two stations, by repeated interpolation.
 
     Of each gap those are followed that promise nine tenths of its highest.
     """
     cusps, gap = inner.cusps, inner.gap
-    rises = (gap[1:] == gap[:-1]) & (cusps.slope[:-1] > 0) & (cusps.slope[1:] < 0)
+    rises = (stretch[1:] == stretch[:-1]) & (cusps.slope[:-1] > 0) & (cusps.slope[1:] < 0)
     left = np.flatnonzero(rises)
     top, place = _hermite_top(*_bracket(cusps, left, left + 1))
     best = _best_of_each(gap[left], top)

@@ -85,6 +85,17 @@ def test_one_pass_is_enough_for_a_narrow_patch() -> None:
     assert max(layout.peaks.first_mm, layout.peaks.last_mm) <= 0.05 + 1e-8
 
 
+def test_a_cusp_line_that_leaves_the_patch_and_comes_back_is_judged_inside_only() -> None:
+    """(4.1) Two stretches of one gap: what lies between them, outside the border, does not count."""
+    steep = thesis_patch()
+    points = steep.control_points.copy()
+    points[2, 2, 2] = -40.0
+    layout = planned(NurbsPatch(3, 3, steep.knots_u, steep.knots_v, points), 0.079)
+    assert layout.peaks.height_mm.max() <= 0.079 + 2e-8
+    assert layout.peaks.foot.min() >= 0
+    assert layout.peaks.foot.max() <= 1
+
+
 def length_within_v(layout: Layout) -> float:
     """Length of all passes between v = 0 and v = 1, on the extended patch where u leaves it."""
     surface, seeds = layout.ground.surface, layout.ground.seeds

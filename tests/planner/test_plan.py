@@ -1,0 +1,175 @@
+"""The pipeline from job file to program, report and picture, and every refusal as one sentence."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from dnc.cli.main import run_with
+from dnc.cli.plan import command
+from dnc.shipped import shipped_path
+from planner.errors import InputRejected
+from planner.plan import plan_job, scallop_target_mm
+from planner.post.base import ControlLimits
+
+SCHEMA = Path(__file__).parents[2] / "docs/schemas/plan.schema.json"
+JOB = shipped_path("jobs", "thesis").read_text()
+SURFACE = shipped_path("surfaces", "thesis").read_text()
+LIMITS = ControlLimits()
+
+
+def job_in(folder: Path, *changes: tuple[str, str], surface: tuple[str, str] | None = None) -> Path:
+    """The thesis job in a folder of its own, with replacements in job and surface."""
+    text = JOB.replace("../surfaces/thesis.toml", "surface.toml")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    shape = SURFACE
+    if surface:
+        assert surface[0] in shape
+        shape = shape.replace(*surface)
+    (folder / "surface.toml").write_text(shape)
+    (folder / "job.toml").write_text(text)
+    return folder / "job.toml"
+
+
+def test_the_main_job_keeps_its_promises(tmp_path: Path) -> None:
+    """(1.2, 4.1) Scallop within target less the budget, path within path_mm; the report fits its schema."""
+    planned = plan_job(job_in(tmp_path), LIMITS)
+    report = planned.report
+    jsonschema.validate(report, json.loads(SCHEMA.read_text()))
+    assert report["path_deviation_mm"] <= 0.001
+    assert report["gouge_mm"] <= 0.001
+    assert report["scallop_mm"] <= 0.08 - report["path_deviation_mm"]
+    assert min(report["scallop_gaps_mm"][:-1]) >= 0.08 - 2 * (0.001 + report["rounding_mm"])
+    assert report["bytes"] == len(planned.program)
+    assert len(planned.sidecar["restart_points"]) == report["passes"] == 32
+
+
+def test_the_budget_covers_a_pass_that_is_too_high(tmp_path: Path) -> None:
+    """(4.1) Raising both passes of a gap by path_mm along the surface's normal lifts the cusp by the budget at most."""
+    job = plan_job(job_in(tmp_path), LIMITS).job
+    target = scallop_target_mm(job.operation[0], 4.0)
+    assert target is not None
+    half = np.sqrt(16 - (4 - target) ** 2)
+    lifted = 4.001 - np.sqrt(16 - half**2)
+    tilted = 0.08 - target
+    assert lifted <= 0.08
+    assert 0.001 <= tilted <= 0.00103
+
+
+@pytest.mark.parametrize("blocks", ["poly", "linear"])
+def test_rapids_move_z_alone_or_xy_alone(tmp_path: Path, blocks: str) -> None:
+    """(1.2) No G0 block names Z together with X or Y; every pass has its own start and its own retract."""
+    text = plan_job(job_in(tmp_path), LIMITS, post={"blocks": blocks}).program.decode()
+    rapids = [line for line in text.splitlines() if re.search(r"G0(?![0-9])", line)]
+    assert len(rapids) >= 64
+    assert not [line for line in rapids if "Z" in line and ("X" in line or "Y" in line)]
+
+
+def test_zigzag_turns_every_pass_and_one_way_none(tmp_path: Path) -> None:
+    starts = {}
+    for pattern in ("zigzag", "one-way"):
+        path = plan_job(job_in(tmp_path, ('pattern = "zigzag"', f'pattern = "{pattern}"')), LIMITS).tool_path
+        starts[pattern] = [one.shape.control_points[0, 0] for one in path.passes]  # type: ignore[union-attr]
+    middle = 25.0
+    assert [x < middle for x in starts["zigzag"][:4]] == [True, False, True, False]
+    assert all(x > middle for x in starts["one-way"]), "climb: uncut material (+y) on the right of a tool going -x"
+
+
+def test_the_papers_rule_is_kept_for_comparison(tmp_path: Path) -> None:
+    """(1.2, 4.4) fit = "paper": break points until the checked deviation holds."""
+    planned = plan_job(job_in(tmp_path, ('edge = "to-border"', 'edge = "to-border"\nfit = "paper"')), LIMITS)
+    assert planned.report["break_points"] >= 32 * 5
+    assert planned.report["path_deviation_mm"] <= 0.001
+
+
+def test_planning_twice_gives_the_same_bytes(tmp_path: Path) -> None:
+    """(4.6)"""
+    path = job_in(tmp_path)
+    assert plan_job(path, LIMITS).program == plan_job(path, LIMITS).program
+
+
+@pytest.mark.parametrize(
+    ("changes", "surface", "words"),
+    [
+        ([], ("[30, 20, 1.5]", "[30, 20, nan]"), r"surface\.toml:\d+: .*nan"),
+        ([], ("[[1, 12, 1], [8, 15, 3]", "[[1, 1, 2], [1, 1, 2]"), r"patch 1 is singular at \(u, v\)"),
+        ([], ("[25, 35, 3]", "[25, 35, -140]"), r"patch 1 has a concave radius .* at \(u, v\) = \("),
+        ([("diameter_mm = 8.0", "diameter_mm = 90.0")], None, r"concave radius of \d+\.\d+ mm at \(u, v\)"),
+        ([("scallop_mm = 0.08", "scallop_mm = 0.0")], None, r"job\.toml:\d+: .*scallop_mm"),
+        ([("scallop_mm = 0.08", "scallop_mm = 4.5")], None, r"job\.toml:\d+: scallop_mm 4\.5"),
+        ([("path_mm = 0.001", "path_mm = 0.09")], None, r"leaves nothing beside path_mm"),
+        ([('strategy = "parallel"', 'strategy = "isoparametric"')], None, "not built yet"),
+        ([('edge = "to-border"', 'edge = "roll-over"')], None, "not built yet"),
+        ([('kind = "ball"', 'kind = "bull"\ncorner_radius_mm = 1.0')], None, "not built yet"),
+        ([("angle_deg = 0.0", 'angle_deg = "auto"')], None, "not built yet"),
+        ([("angle_deg = 0.0", "angle_deg = 0.0\nboundary = [[[0, 0], [1, 0], [1, 1]]]")], None, "not built yet"),
+        ([("surface.toml", "absent.toml")], None, r"absent\.toml: cannot be read"),
+    ],
+)
+def test_what_cannot_be_planned_is_one_sentence_and_leaves_no_file(
+    tmp_path: Path,
+    changes: list[tuple[str, str]],
+    surface: tuple[str, str] | None,
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """(2.7, 4.7) Exit 3, place and remedy on one line, no traceback, nothing written."""
+    path = job_in(tmp_path, *changes, surface=surface)
+    assert run_with(["plan", str(path), "-o", str(tmp_path / "out.mpf")]) == 3
+    said = capsys.readouterr().err.strip()
+    assert len(said.splitlines()) == 1
+    assert re.search(words, said), said
+    assert ";" in said
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["job.toml", "surface.toml"]
+
+
+def test_several_patches_are_refused_by_name(tmp_path: Path) -> None:
+    path = job_in(tmp_path)
+    shape = SURFACE[SURFACE.index("degree") :]
+    (tmp_path / "surface.toml").write_text(f"[[patch]]\n{shape}[[patch]]\n{shape}")
+    with pytest.raises(InputRejected, match=r"2 patches .* not built yet"):
+        plan_job(path, LIMITS)
+
+
+def test_the_command_writes_program_sidecar_report_and_picture(tmp_path: Path) -> None:
+    """(4.9) Data to files, words to stderr; rivals at four tolerances; the picture is a PNG of some size."""
+    path, out = job_in(tmp_path), tmp_path / "part.mpf"
+    options = ["--report", str(tmp_path / "r.json"), "--plot", str(tmp_path / "p.png")]
+    found = CliRunner().invoke(command, [str(path), "-o", str(out), *options])
+    assert found.exit_code == 0, found.output
+    report = json.loads((tmp_path / "r.json").read_text())
+    jsonschema.validate(report, json.loads(SCHEMA.read_text()))
+    assert {row["way"] for row in report["rivals"]} == {"free", "paper", "arcs", "linear"}
+    assert {row["path_mm"] for row in report["rivals"]} == {0.01, 0.001, 0.00025, 0.0001}
+    assert json.loads((tmp_path / "part.mpf.json").read_text())["schema"] == "dripmill.sidecar"
+    assert out.stat().st_size == report["bytes"]
+    picture = (tmp_path / "p.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert len(picture) > 30_000
+
+
+def test_a_feed_beyond_the_line_is_warned_of(tmp_path: Path) -> None:
+    """(4.8) Straight moves at 20 m/min starve a 600 baud line; the warning names baud, override and limit."""
+    path = job_in(tmp_path, ("cut_mm_min = 250.0", "cut_mm_min = 20000.0"))
+    planned = plan_job(path, LIMITS, post={"blocks": "linear"}, line=(600, 10.0))
+    limits = planned.report["feed_limit_mm_min"]["600"]
+    assert limits["120"] < limits["100"] < 20000
+    assert any(f"600 baud and 120 % override the line feeds {limits['120']:.0f} mm/min" in w for w in planned.warnings)
+    assert not any("starve" in warning for warning in plan_job(job_in(tmp_path), LIMITS).warnings)
+
+
+def test_planning_needs_neither_scipy_nor_matplotlib() -> None:
+    """(4.5) Start-up decides small jobs: the pipeline imports numpy alone of the heavy libraries."""
+    code = "import sys, planner.plan; print([m for m in ('scipy', 'matplotlib', 'numba') if m in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert found.stdout.strip() == "[]"
