@@ -18,7 +18,7 @@ def feed_limit_mm_min(
 
     Block i has `block_bytes[i]` bytes, cuts `cut_mm[i]` at the feed and takes `other_s[i]` besides (plunges, dwells;
     both at this override already). In no window of `window_s` seconds of machine time that begins with a cutting block
-    may more bytes fall due than the line brings in it; a block falls due when it begins. Infinite where nothing starves.
+    may more bytes fall due than the line brings; a block falls due when it begins. Infinite where nothing starves.
 
     >>> one = np.ones(1000)
     >>> round(feed_limit_mm_min(20 * one, one, 0 * one, bytes_per_s=960, override=1.0), 1)
