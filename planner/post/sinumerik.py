@@ -15,7 +15,8 @@ from typing import Any
 
 from planner.errors import InputRejected
 from planner.job import Job, Operation
-from planner.path.model import PlaneSpline, Polyline, ToolPath
+from planner.path.model import ArcChain, PlaneSpline, Polyline, ToolPath
+from planner.post.arcs import arc_passes
 from planner.post.base import ControlLimits, Written, rounding_budget_mm
 from planner.post.bspline import bspline_passes
 from planner.post.linear import linear_passes
@@ -97,10 +98,12 @@ def pass_texts(job: Job, operation: Operation, tool_path: ToolPath, control: Con
     fine = min(decimals_within(budget_mm), most)
     if shapes == {Polyline}:
         return linear_passes(tool_path.passes, drop_z_mm, budget_mm, fine, most)
+    if shapes == {ArcChain}:
+        return arc_passes(tool_path.passes, drop_z_mm, budget_mm, fine, most)
     if shapes != {PlaneSpline} or job.post.blocks not in ("auto", "poly", "bspline"):
         raise InputRejected(
             f'post.blocks "{job.post.blocks}" cannot be written for {job.post.control}',
-            remedy='use "auto", "poly", "bspline" or "linear"',
+            remedy='use "auto", "poly", "bspline", "arcs" or "linear"',
         )
     if job.post.blocks == "bspline":
         return _bsplines(tool_path, drop_z_mm, budget_mm, fine, most, control)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from planner.job import Job, load_job
-from planner.path.model import DrivingPlane, Method, Pass, PlaneSpline, Polyline, ToolPath
+from planner.path.model import ArcChain, DrivingPlane, Method, Pass, PlaneSpline, Polyline, ToolPath
 
 THESIS = Path(__file__).parents[3] / "configs/jobs/thesis.toml"
 
@@ -33,8 +33,24 @@ def polyline(seed: int, vertices: int = 12) -> Polyline:
     return Polyline(np.stack([np.linspace(0.0, 50.0, vertices), random.uniform(5.0, 8.0, vertices)], axis=1))
 
 
+def arcs(seed: int, count: int = 6, length_mm: float = 50.0) -> ArcChain:
+    """Arcs through points of a wave, one of them a straight line, so that joints have small corners."""
+    random = np.random.default_rng(seed)
+    phase, height = random.uniform(0, 6), random.uniform(0.5, 4.0)
+    w = np.linspace(0.0, length_mm, 2 * count + 1)
+    at = np.stack([w, 8.0 + height * np.sin(w / 9.0 + phase)], axis=1)
+    a, b, c = at[:-1:2], at[1::2], at[2::2]
+    u, v = b - a, c - a
+    cross = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    u2, v2 = (u**2).sum(1)[:, None], (v**2).sum(1)[:, None]
+    arm = u2 * np.stack([v[:, 1], -v[:, 0]], 1) - v2 * np.stack([u[:, 1], -u[:, 0]], 1)
+    turns = np.where(cross > 0, 1, -1).astype(np.int8)
+    turns[count // 2] = 0
+    return ArcChain(at[::2].copy(), a + arm / (2 * cross)[:, None], turns)
+
+
 def tool_path(
-    shapes: list[PlaneSpline | Polyline], *, angle_rad: float = 0.0, deviation_mm: float = 0.0009
+    shapes: list[PlaneSpline | Polyline | ArcChain], *, angle_rad: float = 0.0, deviation_mm: float = 0.0009
 ) -> ToolPath:
     passes = tuple(
         Pass(DrivingPlane(angle_rad, 1.7418 + 1.5 * number), shape, deviation_mm, Method.PROVED, np.empty((0, 2)), 50.0)
