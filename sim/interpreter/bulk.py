@@ -7,13 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.interpreter.canon import Command, LineRun, Vector
+from sim.interpreter.canon import Command, LineRun
 from sim.interpreter.engine import Interpreter
-from sim.interpreter.frames import subtract
 from sim.interpreter.plain import PlainLines, plain_lines
 from sim.interpreter.settings import Settings
 from sim.interpreter.source import Data, Whole
-from sim.interpreter.tangents import unit
 
 _CHUNK_BYTES = 1 << 18
 _SHORTEST_RUN = 8
@@ -80,25 +78,14 @@ def _run(interpreter: Interpreter, chunk: _Chunk, index: int, end: int) -> LineR
     feeds = _carried(values[:, 5], state.feed)
     before = np.vstack([start, ends[:-1]])
     moves = np.flatnonzero((ends != before).any(axis=1))
-    interpreter.take_run(end, _vector(ends[-1]), float(feeds[-1]), _last_tangent(before[moves], ends[moves]))
+    feed = float(feeds[-1])
     if len(moves) == 0:
+        interpreter.take_run(end, feed, None)
         return None
     blocks = np.where(np.isnan(values[:, 0]), -1.0, values[:, 0]).astype(np.int64)
-    return LineRun(index + 1 + moves, blocks[moves], start, ends[moves], feeds[moves])
-
-
-def _last_tangent(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> Vector | None:
-    """Direction of the last cut long enough to have one."""
-    for start, end in zip(starts[::-1], ends[::-1], strict=True):
-        tangent = unit(subtract(_vector(end), _vector(start)))
-        if tangent is not None:
-            return tangent
-    return None
-
-
-def _vector(row: NDArray[np.float64]) -> Vector:
-    x, y, z = row.tolist()
-    return (x, y, z)
+    run = LineRun(index + 1 + moves, blocks[moves], start, ends[moves], feeds[moves])
+    interpreter.take_run(end, feed, run.last)
+    return run
 
 
 def _carried(values: NDArray[np.float64], before: float) -> NDArray[np.float64]:

@@ -59,6 +59,20 @@ class LineRun:
     def __len__(self) -> int:
         return len(self.lines)
 
+    @property
+    def last(self) -> Line:
+        """The last cut; a run is never empty."""
+        start = self.start if len(self) == 1 else self.ends[-2].tolist()
+        x, y, z = self.ends[-1].tolist()
+        block = int(self.blocks[-1])
+        return Line(
+            int(self.lines[-1]),
+            None if block < 0 else block,
+            (start[0], start[1], start[2]),
+            (x, y, z),
+            float(self.feeds[-1]),
+        )
+
     def expand(self) -> Iterator[Line]:
         """The Line commands, one a cut."""
         start = self.start

@@ -82,12 +82,13 @@ class Interpreter:
         """Canonical minus programmed coordinates while the frame only shifts."""
         return mapping_of(self._state, self._settings, is_suppressed=False).total_shift
 
-    def take_run(self, next_line: int, position_mm: Vector, feed: float, tangent: Vector | None) -> None:
+    def take_run(self, next_line: int, feed: float, last: canon.Line | None) -> None:
         """Plain blocks up to `next_line` have been read elsewhere; the state becomes what they leave."""
         self._main.at = next_line
         self._main.furthest = max(self._main.furthest, next_line)
-        self._state.position_mm, self._state.feed = position_mm, feed
-        self._state.tangent = tangent or self._state.tangent
+        self._state.feed = feed
+        if last is not None:
+            self._state.position_mm, self._state.last_motion = last.end, last
 
     def block(self, raw: bytes, line: int) -> list[canon.Command]:
         """The commands that this block decides. `line` counts from 1."""

@@ -19,7 +19,7 @@ from sim.interpreter.request import Coordinate, Request
 from sim.interpreter.settings import G28, Settings
 from sim.interpreter.spline_builders import AkimaBuilder, BSplineBuilder, CubicBuilder, SplineBuilder, SplinePoint
 from sim.interpreter.state import INCH_MM, State
-from sim.interpreter.tangents import end_tangent, extent, start_tangent
+from sim.interpreter.tangents import extent, start_tangent
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Mover:
         if spline is not None:
             spline.close(tangent)
             if spline.last is not None:
-                self._state.tangent = end_tangent(spline.last)
+                self._state.last_motion = spline.last
 
     def finish(self) -> None:
         """Complete whatever waits for more blocks."""
@@ -140,12 +140,12 @@ class Mover:
 
     def _give(self, motion: canon.Motion) -> None:
         """One motion is decided: the spline before it ends on its tangent, limits hold, the state moves."""
-        tangent = start_tangent(motion)
-        self.finish_spline(tangent)
+        if self._spline is not None:
+            self.finish_spline(start_tangent(motion))
         self._check_area(motion)
         self._beside_contour(motion)
         self._state.position_mm = motion.end
-        self._state.tangent = end_tangent(motion) or self._state.tangent
+        self._state.last_motion = motion
 
     def _beside_contour(self, motion: canon.Motion) -> None:
         """Straight out, or by the compensated contour that G41 or G42 has begun."""

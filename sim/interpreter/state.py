@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from sim.interpreter.canon import Vector
+from sim.interpreter.canon import Motion, Vector
 from sim.interpreter.frames import Frame
+from sim.interpreter.tangents import end_tangent
 
 INCH_MM = 25.4
 
@@ -15,8 +16,8 @@ class State:
     """What earlier blocks left behind; codes are spelled as the language does.
 
     `position_mm` is canonical (work coordinates of the reference offset). `feed` is the F word in the unit of
-    `feed_type`; None until one is programmed. `spindle_direction` is +1 (M3), -1 (M4) or 0. `tangent` is the unit
-    direction at the end of the last cutting move, for CT and BTAN. `spline_start` and `spline_end` are group 19 and
+    `feed_type`; None until one is programmed. `spindle_direction` is +1 (M3), -1 (M4) or 0. `last_motion` is
+    the move before, whose end direction CT and BTAN take up. `spline_start` and `spline_end` are group 19 and
     20. `feed_axes` are the axes of FGROUP, None for all.
     """
 
@@ -52,9 +53,14 @@ class State:
     is_area_limited: bool = True
     spindle_min_rpm: float = 0.0
     spindle_max_rpm: float = 0.0
-    tangent: Vector | None = None
+    last_motion: Motion | None = None
     message: str = ""
     is_ended: bool = False
+
+    @property
+    def tangent(self) -> Vector | None:
+        """Unit direction in which the last move arrived, or None."""
+        return None if self.last_motion is None else end_tangent(self.last_motion)
 
     @property
     def is_plain(self) -> bool:
