@@ -1,0 +1,116 @@
+"""`dnc send` against the virtual mill: the same bytes, and the mill's own faults at the other end (5.1 to 5.10)."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.helpers.line import SendProcess
+from tests.helpers.mill import MillProcess, small_machine
+
+pytestmark = pytest.mark.system
+PROGRAM = (
+    b"G90 G64\n"
+    + b"".join(b"N%d G1 X%d Y1 Z500 F3000\n" % (step, step % 2 * 5) for step in range(1, 101))
+    + b"M30\n%\n"
+)
+SPEED = 4
+"""The line runs at 38400 baud in real time; the machine is that much hurried."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fault of the mill, the options of send, and what must come out."""
+
+    mill: str
+    send: tuple[str, ...]
+    code: int
+    outcome: str
+    alarms: tuple[str, ...] = ()
+    blocks: int = 60
+
+    def program(self) -> bytes:
+        """Moves of 5 mm to and fro."""
+        moves = (b"N%d G1 X%d Y1 Z500 F3000\n" % (step, step % 2 * 5) for step in range(1, self.blocks + 1))
+        return b"G90 G64\n" + b"".join(moves) + b"M30\n%\n"
+
+
+CASES = {
+    "clean": Case("fifo=4096", (), 0, "SENT"),
+    "L3": Case("lose-xoff=1", (), 6, "FAULTED", ("DNC-C2",), blocks=1000),
+    "C3": Case("start=repeat-xon", ("--start", "wait-xon"), 0, "SENT"),
+    "C5": Case("end-stops-reading=yes", (), 0, "SENT"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_fault_of_the_mill(name: str, tmp_path: Path) -> None:
+    """(5.10; faults L3, C3, C5) Exit code, outcome, alarms; both ends agree on the bytes."""
+    case = CASES[name]
+    machine = small_machine(
+        tmp_path, receive_buffer_bytes=512, xoff_free_bytes=120, xon_fill_bytes=200, lookahead_blocks=5
+    )
+    program = tmp_path / "part.mpf"
+    program.write_bytes(case.program())
+    with (
+        MillProcess(tmp_path, "--machine", machine, "--speed", str(SPEED), "--fault", case.mill) as mill,
+        SendProcess(
+            tmp_path, program, mill.ready["pty"], "--machine", str(machine), "--baud", str(9600 * SPEED), *case.send
+        ) as sending,
+    ):
+        code, words = sending.finish(60)
+        mill.process.terminate()
+        mill.process.wait(60)
+    sent, seen = sending.report(), mill.report
+    ids = [alarm["id"] for alarm in sent["alarms"]]  # type: ignore[attr-defined]
+    assert (code, sent["outcome"]) == (case.code, case.outcome), words
+    assert set(case.alarms) <= set(ids)
+    assert "Traceback" not in words
+    assert sent["simulated"] is True
+    if case.outcome == "SENT" and name != "C5":
+        assert seen["sha256"] == sent["sha256"]
+        assert seen["overrun_bytes"] == 0
+        assert sent["xoff_count"] > 0  # type: ignore[operator]
+    if name == "C5":
+        assert "trailer not taken" in str(sent["note"]) or sent["bytes_sent"] == len(case.program())
+    if name == "L3":
+        assert seen["overrun_bytes"] > 0
+
+
+def test_dry_run_starts_its_own_mill(tmp_path: Path) -> None:
+    """(1.3) `--dry-run --speed`: sent to a mill of its own, labelled, nothing left running."""
+    program = tmp_path / "part.mpf"
+    program.write_bytes(CASES["clean"].program())
+    words = ["send", str(program), "--dry-run", "--speed", "10", "--report", str(tmp_path / "report.json")]
+    environment = {"XDG_STATE_HOME": str(tmp_path), "PATH": "/usr/bin:/bin"}
+    ran = subprocess.run(
+        [sys.executable, "-m", "dnc", *words], env=environment, capture_output=True, check=False, text=True, timeout=120
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "SIMULATED" in ran.stderr
+    assert '"baud": 96000' in (tmp_path / "report.json").read_text()
+
+
+def test_handshake_test_on_the_mill(tmp_path: Path) -> None:
+    """(5.9) With feed override 0 the mill stops us; it cannot be raised there, and the verdict says so."""
+    machine = small_machine(
+        tmp_path, receive_buffer_bytes=512, xoff_free_bytes=120, xon_fill_bytes=200, lookahead_blocks=5
+    )
+    with MillProcess(tmp_path, "--machine", machine, "--speed", str(SPEED), "--fault", "override=0") as mill:
+        words = ["test-handshake", "--port", mill.ready["pty"], "--machine", str(machine), "--baud", str(9600 * SPEED)]
+        ran = subprocess.run(
+            [sys.executable, "-m", "dnc", *words, "--yes", "--resume-wait", "1", "--json"],
+            env={"XDG_STATE_HOME": str(tmp_path), "PATH": "/usr/bin:/bin"},
+            capture_output=True,
+            check=False,
+            text=True,
+            timeout=120,
+        )
+    assert ran.returncode == 5, ran.stderr
+    assert "the control stops us" in ran.stderr
+    assert '"passed": false' in ran.stdout
+    assert '"xoff_count": 1' in ran.stdout
