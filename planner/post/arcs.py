@@ -45,25 +45,26 @@ class _Chain:
 
 
 def arc_passes(
-    passes: Sequence[Pass], drop_z_mm: float, budget_mm: float, fine: int, most_decimals: int
+    passes: Sequence[Pass], drop_z_mm: float, budgets_mm: Array, fine: Digits, most_decimals: int
 ) -> list[PassText]:
-    """Every arc chain as CIP and G1 blocks with the fewest digits that keep its path within `budget_mm`.
+    """Every arc chain as CIP and G1 blocks with the fewest digits that keep its path within `budgets_mm`.
 
     The classes of digits are X and Y of ends, Z of ends, and the points between.
     """
     chains = [_chain_of(one, drop_z_mm) for one in passes]
     if not all(chain.is_square for chain in chains):
-        fine = min(fine + 1, most_decimals)
-    least, most = (np.full((len(chains), 3), min(fine + margin, most_decimals)) for margin in (0, 2))
+        fine = np.minimum(fine + 1, most_decimals)
+    least, most = (np.tile(np.minimum(fine + margin, most_decimals)[:, None], 3) for margin in (0, 2))
+    ends = fine.tolist()
 
     def bound_mm(digits: Digits) -> Array:
-        return np.array(
-            [_bound_mm(chain, *_written(chain, row, fine)) for chain, row in zip(chains, digits, strict=True)]
-        )
+        rows = zip(chains, digits, ends, strict=True)
+        return np.array([_bound_mm(chain, *_written(chain, row, end)) for chain, row, end in rows])
 
-    digits, bounds = fewest_digits(least, most, np.array([1.0, 1.1, 1.2]), bound_mm, budget_mm)
+    digits, bounds = fewest_digits(least, most, np.array([1.0, 1.1, 1.2]), bound_mm, budgets_mm)
     return [
-        _pass_text(chain, row, fine, float(bound)) for chain, row, bound in zip(chains, digits, bounds, strict=True)
+        _pass_text(chain, row, end, bound)
+        for chain, row, end, bound in zip(chains, digits, ends, bounds.tolist(), strict=True)
     ]
 
 

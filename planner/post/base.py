@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from planner.errors import InputRejected
 from planner.job import Job, Operation
-from planner.path.model import ToolPath
+from planner.path.model import Array, ToolPath
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +36,8 @@ class Written:
     """A program with its counts.
 
     `blocks` counts blocks with words; the cutting ones run along passes, plunges and retracts not among them, and
-    `cutting_bytes` holds their line ends. `rounding_mm` bounds the distance between the curves the numbers describe and
-    the passes, everywhere; with it no pass is further from the exact curve than its deviation plus `rounding_mm`.
+    `cutting_bytes` holds their line ends. `rounding_mm` is what the numbers add to the deviation of the worst pass: no
+    pass as written is further from its exact curve, anywhere, than the largest deviation of all plus `rounding_mm`.
     `sidecar` is JSON data: restart points, each with block, position and modal state. `warnings` are sentences.
     """
 
@@ -64,7 +66,7 @@ def write_program(
     raise InputRejected(f"post.control {job.post.control} is not built yet", remedy='use "sinumerik-840d"')
 
 
-def rounding_budget_mm(operation: Operation, tool_path: ToolPath) -> float:
-    """What the numbers may add to the deviation of the worst pass, mm: at least a tenth of `path_mm`."""
-    worst_mm = max(one.deviation_mm for one in tool_path.passes)
-    return max(0.1 * operation.path_mm, operation.path_mm - worst_mm)
+def rounding_budgets_mm(operation: Operation, tool_path: ToolPath) -> Array:
+    """What the numbers may add to each pass (passes,), mm: what its deviation left of `path_mm`, at least a tenth."""
+    deviations_mm = np.array([one.deviation_mm for one in tool_path.passes])
+    return np.maximum(0.1 * operation.path_mm, operation.path_mm - deviations_mm)

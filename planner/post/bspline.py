@@ -40,29 +40,30 @@ class _Curve:
 def bspline_passes(
     passes: Sequence[Pass],
     drop_z_mm: float,
-    budget_mm: float,
-    fine: int,
+    budgets_mm: Array,
+    fine: Digits,
     most_decimals: int,
     *,
     knot_rule: KnotRule,
     min_blocks: int,
 ) -> list[PassText]:
-    """Every pass as BSPLINE blocks with the fewest digits that keep its path within `budget_mm`.
+    """Every pass as BSPLINE blocks with the fewest digits that keep its path within `budgets_mm`.
 
     Knots are inserted until a pass has `min_blocks` blocks. Raises ValueError for splines that are not cubic.
     """
     curves = [_curve_of(one, drop_z_mm, min_blocks) for one in passes]
-    finest = min(fine + 1, most_decimals)
-    least = np.tile(np.array([min(fine, most_decimals), min(fine, most_decimals), _WHOLE_DIGITS]), (len(curves), 1))
-    most = np.tile(np.array([finest, finest, _KNOT_DIGITS]), (len(curves), 1))
+    finest = np.minimum(fine + 1, most_decimals)
+    least = np.stack([fine, fine, np.full(len(curves), _WHOLE_DIGITS)], axis=1)
+    most = np.stack([finest, finest, np.full(len(curves), _KNOT_DIGITS)], axis=1)
+    ends = fine.tolist()
 
     def bound_mm(digits: Digits) -> Array:
-        return np.array([_bound_mm(curve, row, fine) for curve, row in zip(curves, digits, strict=True)])
+        return np.array([_bound_mm(curve, row, end) for curve, row, end in zip(curves, digits, ends, strict=True)])
 
-    digits, bounds = fewest_digits(least, most, np.array([1.0, 1.1, 0.9]), bound_mm, budget_mm)
+    digits, bounds = fewest_digits(least, most, np.array([1.0, 1.1, 0.9]), bound_mm, budgets_mm)
     return [
-        _pass_text(curve, row, fine, float(bound), knot_rule)
-        for curve, row, bound in zip(curves, digits, bounds, strict=True)
+        _pass_text(curve, row, end, bound, knot_rule)
+        for curve, row, end, bound in zip(curves, digits, ends, bounds.tolist(), strict=True)
     ]
 
 

@@ -13,13 +13,14 @@ Digits = NDArray[np.int64]
 Bound = Callable[[Digits], Array]
 
 
-def fewest_digits(least: Digits, most: Digits, uses: Array, bound_mm: Bound, budget_mm: float) -> tuple[Digits, Array]:
+def fewest_digits(least: Digits, most: Digits, uses: Array, bound_mm: Bound, budgets_mm: Array) -> tuple[Digits, Array]:
     """Decimals (passes, classes) that no single class of any pass can lower further, and the bounds (passes,), mm.
 
-    A pass starts at `least` and gets one digit more in every class until it holds the budget, up to `most`; what cannot
-    hold it stays there. Then the classes give up digits in turn, those that `uses` (classes,) says are frequent first.
+    A pass starts at `least` and gets one digit more in every class until it holds its budget (passes,), up to `most`;
+    what cannot hold it stays there. Then the classes give up digits in turn, those first that `uses` (classes,) says
+    are frequent.
     """
-    digits, bounds = _enough(least, most, bound_mm, budget_mm)
+    digits, bounds = _enough(least, most, bound_mm, budgets_mm)
     order = np.argsort(-uses, kind="stable")
     may_lower = np.ones_like(digits, dtype=bool)
     while may_lower.any():
@@ -31,18 +32,18 @@ def fewest_digits(least: Digits, most: Digits, uses: Array, bound_mm: Bound, bud
             trial = digits.copy()
             trial[asks, column] -= 1
             trial_bounds = bound_mm(trial)
-            accepted = asks & (trial_bounds <= budget_mm)
+            accepted = asks & (trial_bounds <= budgets_mm)
             digits[accepted, column] -= 1
             bounds = np.where(accepted, trial_bounds, bounds)
             may_lower[accepted, column] = True
     return digits, bounds
 
 
-def _enough(least: Digits, most: Digits, bound_mm: Bound, budget_mm: float) -> tuple[Digits, Array]:
+def _enough(least: Digits, most: Digits, bound_mm: Bound, budgets_mm: Array) -> tuple[Digits, Array]:
     digits = np.minimum(least, most)
     while True:
         bounds = bound_mm(digits)
-        lacks = (bounds > budget_mm) & (digits < most).any(axis=1)
+        lacks = (bounds > budgets_mm) & (digits < most).any(axis=1)
         if not lacks.any():
             return digits, bounds
         digits[lacks] = np.minimum(digits[lacks] + 1, most[lacks])

@@ -17,27 +17,28 @@ from planner.post.spans import in_work
 
 
 def linear_passes(
-    passes: Sequence[Pass], drop_z_mm: float, budget_mm: float, fine: int, most_decimals: int
+    passes: Sequence[Pass], drop_z_mm: float, budgets_mm: Array, fine: Digits, most_decimals: int
 ) -> list[PassText]:
-    """Every polyline with the fewest decimals of X and Y, and of Z, that keep its path within `budget_mm`.
+    """Every polyline with the fewest decimals of X and Y, and of Z, that keep its path within `budgets_mm`.
 
-    The ends of passes have `fine` decimals. Vertices that fall together are dropped.
+    The ends of passes have `fine` (passes,) decimals. Vertices that fall together are dropped.
     """
     points = [in_work(one.plane, _shape(one).points, drop_z_mm) for one in passes]
     still = [is_constant(one.plane) for one in passes]
-    least, most = (np.full((len(passes), 2), min(fine + margin, most_decimals)) for margin in (0, 1))
+    least, most = (np.tile(np.minimum(fine + margin, most_decimals)[:, None], 2) for margin in (0, 1))
+    ends = fine.tolist()
 
     def bound_mm(digits: Digits) -> Array:
         rounded = (
-            rounded_mm(vertices, _decimals(len(vertices), of_pass, is_still, fine))
-            for vertices, of_pass, is_still in zip(points, digits, still, strict=True)
+            rounded_mm(vertices, _decimals(len(vertices), of_pass, is_still, end))
+            for vertices, of_pass, is_still, end in zip(points, digits, still, ends, strict=True)
         )
         return np.array([polyline_bound_mm(exact, near) for exact, near in zip(points, rounded, strict=True)])
 
-    digits, bounds = fewest_digits(least, most, np.array([1.0, 1.1]), bound_mm, budget_mm)
+    digits, bounds = fewest_digits(least, most, np.array([1.0, 1.1]), bound_mm, budgets_mm)
     return [
-        _pass_text(vertices, _decimals(len(vertices), of_pass, is_still, fine), fine, float(bound))
-        for vertices, of_pass, is_still, bound in zip(points, digits, still, bounds, strict=True)
+        _pass_text(vertices, _decimals(len(vertices), of_pass, is_still, end), end, bound)
+        for vertices, of_pass, is_still, end, bound in zip(points, digits, still, ends, bounds.tolist(), strict=True)
     ]
 
 

@@ -33,10 +33,11 @@ def rounded_mm(values_mm: Array, decimals: Decimals) -> Array:
     return np.asarray(np.rint(values_mm * scale) / scale)
 
 
-def decimals_within(budget_mm: float) -> int:
-    """The fewest decimals at which a point (two rounded coordinates) moves by at most 0.75 of the budget.
+def decimals_within(budgets_mm: Array) -> NDArray[np.int64]:
+    """The fewest decimals at which a point (two rounded coordinates) moves by at most 0.75 of each budget.
 
-    >>> decimals_within(0.0001), decimals_within(0.001)
-    (4, 3)
+    >>> decimals_within(np.array([0.0001, 0.001, 20.0])).tolist()
+    [4, 3, 0]
     """
-    return max(0, math.ceil(-math.log10(1.5 / math.sqrt(2.0) * budget_mm)))
+    decimals = np.ceil(-np.log10(1.5 / math.sqrt(2.0) * budgets_mm))
+    return np.asarray(np.maximum(decimals, 0), dtype=np.int64)

@@ -51,27 +51,28 @@ class _Numbers:
 
 
 def poly_passes(
-    passes: Sequence[Pass], drop_z_mm: float, budget_mm: float, fine: int, most_decimals: int
+    passes: Sequence[Pass], drop_z_mm: float, budgets_mm: Array, fine: Digits, most_decimals: int
 ) -> list[PassText]:
-    """Every pass as POLY blocks with the fewest digits that keep its path within `budget_mm`.
+    """Every pass as POLY blocks with the fewest digits that keep its path within `budgets_mm`.
 
-    `fine` are the decimals of the ends of passes and of axes that stand still; `most_decimals` what the control reads.
+    `fine` (passes,) are the decimals of the ends of passes and of axes that stand still; `most_decimals` what the
+    control reads.
     """
     chain = _chain_of(passes, drop_z_mm)
     uses = np.tile(np.array([1.0, 1.0, 1.0]), 2) + np.array([0.0, 0.2, 0.1, 0.0, 0.2, 0.1])
-    least, most = (np.full((len(passes), 6), min(fine + margin, most_decimals)) for margin in (0, _MOST_MARGIN))
+    least, most = (np.tile(np.minimum(fine + margin, most_decimals)[:, None], 6) for margin in (0, _MOST_MARGIN))
 
     def bound_mm(digits: Digits) -> Array:
         numbers = _numbers(chain, digits, fine)
         written = poly_power(numbers.start, numbers.end, numbers.square, numbers.cube)
         return np.maximum.reduceat(path_bound_mm(chain.exact, written), chain.starts)
 
-    digits, bounds = fewest_digits(least, most, uses, bound_mm, budget_mm)
+    digits, bounds = fewest_digits(least, most, uses, bound_mm, budgets_mm)
     numbers = _numbers(chain, digits, fine)
     stops = [*chain.starts[1:].tolist(), len(chain.owner)]
     return [
-        _pass_text(numbers, slice(int(begin), stop), fine, float(bound))
-        for begin, stop, bound in zip(chain.starts, stops, bounds, strict=True)
+        _pass_text(numbers, slice(begin, stop), finest, bound)
+        for begin, stop, finest, bound in zip(chain.starts.tolist(), stops, fine.tolist(), bounds.tolist(), strict=True)
     ]
 
 
@@ -94,14 +95,14 @@ def _chain_of(passes: Sequence[Pass], drop_z_mm: float) -> _Chain:
     return _Chain(exact, work[:, 3], np.repeat(np.arange(len(passes)), counts), starts, np.concatenate(still))
 
 
-def _numbers(chain: _Chain, digits: Digits, fine: int) -> _Numbers:
+def _numbers(chain: _Chain, digits: Digits, fine: Digits) -> _Numbers:
     """All numbers of all passes, rounded to these digits (passes, 6)."""
-    of_span = digits[chain.owner]
+    of_span, finest = digits[chain.owner], fine[chain.owner][:, None]
     power = chain.exact.power
     keeps_fine = chain.exact.is_last[:, None] | chain.is_still
-    end_decimals = np.where(keeps_fine, fine, _by_axis(of_span, _END))
+    end_decimals = np.where(keeps_fine, finest, _by_axis(of_span, _END))
     end = rounded_mm(chain.end_mm, end_decimals)
-    start = np.where(chain.exact.is_first[:, None], rounded_mm(power[:, 0], fine), np.roll(end, 1, axis=0))
+    start = np.where(chain.exact.is_first[:, None], rounded_mm(power[:, 0], finest), np.roll(end, 1, axis=0))
     cube_decimals, square_decimals = _by_axis(of_span, _CUBE), _by_axis(of_span, _SQUARE)
     cube = rounded_mm(power[:, 3], cube_decimals)
     square = rounded_mm(power[:, 2] - 1.5 * (cube - power[:, 3]), square_decimals)

@@ -13,12 +13,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from planner.errors import InputRejected
 from planner.job import Job, Operation
-from planner.path.model import ArcChain, PlaneSpline, Polyline, ToolPath
+from planner.path.model import ArcChain, Array, PlaneSpline, Polyline, ToolPath
 from planner.post.arcs import arc_passes
-from planner.post.base import ControlLimits, Written, rounding_budget_mm
+from planner.post.base import ControlLimits, Written, rounding_budgets_mm
 from planner.post.bspline import bspline_passes
+from planner.post.digits import Digits
 from planner.post.linear import linear_passes
 from planner.post.numbers import decimals_within, plain
 from planner.post.passtext import PassText
@@ -83,7 +86,7 @@ def write_sinumerik(
         blocks=page.blocks,
         cutting_blocks=page.cutting_blocks,
         cutting_bytes=page.cutting_bytes,
-        rounding_mm=max(text.rounding_mm for text in texts),
+        rounding_mm=_rounding_mm(tool_path, texts),
         sidecar=_sidecar(job, operation, page, data, lift_mm),
         warnings=_warnings(operation, tool_path, texts, control),
     )
@@ -92,40 +95,46 @@ def write_sinumerik(
 def pass_texts(job: Job, operation: Operation, tool_path: ToolPath, control: ControlLimits) -> list[PassText]:
     """The cutting blocks of every pass, in the way the job asks for."""
     drop_z_mm = tool_path.radius_mm if job.post.reference == "tip" else 0.0
-    budget_mm = rounding_budget_mm(operation, tool_path)
+    budgets_mm = rounding_budgets_mm(operation, tool_path)
     most = _FINEST_DECIMALS if control.decimals is None else control.decimals
     shapes = {type(one.shape) for one in tool_path.passes}
-    fine = min(decimals_within(budget_mm), most)
+    fine = np.minimum(decimals_within(budgets_mm), most)
     if shapes == {Polyline}:
-        return linear_passes(tool_path.passes, drop_z_mm, budget_mm, fine, most)
+        return linear_passes(tool_path.passes, drop_z_mm, budgets_mm, fine, most)
     if shapes == {ArcChain}:
-        return arc_passes(tool_path.passes, drop_z_mm, budget_mm, fine, most)
+        return arc_passes(tool_path.passes, drop_z_mm, budgets_mm, fine, most)
     if shapes != {PlaneSpline} or job.post.blocks not in ("auto", "poly", "bspline"):
         raise InputRejected(
             f'post.blocks "{job.post.blocks}" cannot be written for {job.post.control}',
             remedy='use "auto", "poly", "bspline", "arcs" or "linear"',
         )
     if job.post.blocks == "bspline":
-        return _bsplines(tool_path, drop_z_mm, budget_mm, fine, most, control)
-    poly = poly_passes(tool_path.passes, drop_z_mm, budget_mm, fine, most)
+        return _bsplines(tool_path, drop_z_mm, budgets_mm, fine, most, control)
+    poly = poly_passes(tool_path.passes, drop_z_mm, budgets_mm, fine, most)
     if job.post.blocks == "poly" or not control.knot_rule_verified:
         return poly
-    bspline = _bsplines(tool_path, drop_z_mm, budget_mm, fine, most, control)
+    bspline = _bsplines(tool_path, drop_z_mm, budgets_mm, fine, most, control)
     return min(poly, bspline, key=_size_bytes)
 
 
 def _bsplines(
-    tool_path: ToolPath, drop_z_mm: float, budget_mm: float, fine: int, most: int, control: ControlLimits
+    tool_path: ToolPath, drop_z_mm: float, budgets_mm: Array, fine: Digits, most: int, control: ControlLimits
 ) -> list[PassText]:
     return bspline_passes(
         tool_path.passes,
         drop_z_mm,
-        budget_mm,
+        budgets_mm,
         fine,
         most,
         knot_rule=control.knot_rule,
         min_blocks=control.min_spline_blocks,
     )
+
+
+def _rounding_mm(tool_path: ToolPath, texts: Sequence[PassText]) -> float:
+    """What rounding adds to the worst pass."""
+    as_written = [one.deviation_mm + text.rounding_mm for one, text in zip(tool_path.passes, texts, strict=True)]
+    return max(as_written) - max(one.deviation_mm for one in tool_path.passes)
 
 
 def _size_bytes(texts: Sequence[PassText]) -> int:

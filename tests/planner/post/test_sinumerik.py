@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import math
@@ -162,3 +163,15 @@ def test_refusals_are_one_sentence(post: dict[str, str], sentence: str) -> None:
 def test_no_pass_is_refused() -> None:
     with pytest.raises(InputRejected, match="no pass"):
         written([])
+
+
+def test_every_pass_uses_what_its_own_fit_left() -> None:
+    """The worst pass decides rounding_mm; another with slack has shorter numbers (6.8)."""
+    made = job()
+    both = tool_path([spline(1), spline(1)])
+    easy = dataclasses.replace(both.passes[1], deviation_mm=0.0001)
+    path = dataclasses.replace(both, passes=(both.passes[0], easy))
+    result = write_program(made, made.operation[0], path, LIMITS)
+    first, second = result.data.decode().split("N2G0")
+    assert len(second.split("G0Z10")[0]) < len(first.split("N1G0")[1].split("G0Z10")[0]) - 4
+    assert 0.0009 + result.rounding_mm <= 0.001
