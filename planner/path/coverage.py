@@ -57,10 +57,11 @@ class GapCusps:
 
 def border_heights(surface: OffsetSurface, border: Border, planes_mm: Array) -> BorderHeights:
     """Heights along the border left by the passes on either side, eq. (13)."""
-    y = border.points.centre[1]
-    gap = np.searchsorted(planes_mm, y)
-    lower, below = _reach(surface, border, planes_mm, gap - 1)
-    upper, above = _reach(surface, border, planes_mm, gap)
+    count = len(border.value)
+    gap = np.searchsorted(planes_mm, border.points.centre[1])
+    both, heights = _reach(surface, border, planes_mm, np.concatenate([gap - 1, gap]))
+    lower, upper = both.take(slice(count)), both.take(slice(count, None))
+    below, above = heights[:count], heights[count:]
     is_lower = below <= above
     best = np.where(np.isfinite(np.minimum(below, above)), np.where(is_lower, gap - 1, gap), -1)
     return BorderHeights(gap, below, above, best, np.where(is_lower, lower.x, upper.x), lower, upper)
@@ -179,19 +180,34 @@ def pass_runs(
 
 
 def _reach(surface: OffsetSurface, border: Border, planes_mm: Array, passes: Indices) -> tuple[Reaches, Array]:
-    """Heights by the pass of each sample; infinite where there is no such pass or it cannot reach the sample."""
+    """Heights by the pass of each sample, the ring gone round as often as `passes` is long.
+
+    Infinite where there is no such pass, where it runs further away than R, or where it cannot reach the sample.
+    """
+    ring = len(border.value)
+    index = np.arange(len(passes)) % ring
     has_pass = (passes >= 0) & (passes < len(planes_mm))
-    away = np.abs(planes_mm[np.clip(passes, 0, len(planes_mm) - 1)] - border.points.centre[1])
-    chosen = np.flatnonzero(has_pass & (away < 2 * surface.radius_mm))
-    under = OffsetPoints(*(getattr(border.points, name)[:, chosen] for name in OffsetPoints.__slots__))
+    away = planes_mm[np.clip(passes, 0, len(planes_mm) - 1)] - border.points.centre[1, index]
+    chosen = np.flatnonzero(has_pass & (np.abs(away) < surface.radius_mm))
+    under = border.points.take(index[chosen])
     planes = planes_mm[passes[chosen]]
-    target = np.stack([under.centre[0], planes])
-    guess, _, is_near = locate(surface, target, border.parameters[:, chosen], residual_mm=0.01, steps=20)
-    found = solve_reaches(surface, under, planes, guess)
+    start = border.parameters[:, index[chosen]]
+    found = solve_reaches(surface, under, planes, start + away[chosen] * _across(under))
+    lost = np.flatnonzero(~found.is_found)
+    if len(lost):
+        target = np.stack([under.centre[0, lost], planes[lost]])
+        guess, _, _ = locate(surface, target, start[:, lost], residual_mm=0.01, steps=12)
+        found = found.replaced(lost, solve_reaches(surface, under.take(lost), planes[lost], guess))
     height = np.full(len(passes), np.inf)
-    height[chosen] = np.where(found.is_found & is_near, found.height_mm, np.inf)
+    height[chosen] = np.where(found.is_found, found.height_mm, np.inf)
     spread = {field.name: _scatter(getattr(found, field.name), chosen, len(passes)) for field in fields(Reaches)}
     return Reaches(**spread), height
+
+
+def _across(found: OffsetPoints) -> Array:
+    """The parameter step (2, m) that moves the ball's centre by 1 mm in y and not in x."""
+    determinant = found.centre_u[0] * found.centre_v[1] - found.centre_u[1] * found.centre_v[0]
+    return np.asarray(np.stack([-found.centre_v[0], found.centre_u[0]]) / determinant)
 
 
 def _scatter(values: Any, chosen: Indices, count: int) -> Any:
@@ -206,7 +222,6 @@ def _middle_guess(
     """Starts from the ball centre half-way between the passes and the slopes of the surface there."""
     middle = np.stack([x, (planes[0] + planes[1]) / 2])
     foot, found, _ = locate(surface, middle, seeds.near(middle), residual_mm=1e-3, steps=20)
-    determinant = found.centre_u[0] * found.centre_v[1] - found.centre_u[1] * found.centre_v[0]
-    across = np.stack([-found.centre_v[0], found.centre_u[0]]) / determinant
+    across = _across(found)
     half = (planes[1] - planes[0]) / 2
     return CuspGuess(foot, np.broadcast_to(height_mm, x.shape).copy(), foot - half * across, foot + half * across)

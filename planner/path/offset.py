@@ -30,6 +30,10 @@ class OffsetPoints:
     normal_u: Array
     normal_v: Array
 
+    def take(self, chosen: NDArray[np.intp] | slice) -> OffsetPoints:
+        """The chosen points only."""
+        return OffsetPoints(*(getattr(self, name)[:, chosen] for name in OffsetPoints.__slots__))
+
 
 @dataclass(frozen=True, slots=True)
 class OffsetSurface:

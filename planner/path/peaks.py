@@ -106,10 +106,10 @@ def strip_behind(ground: Ground, planes_mm: Array) -> tuple[float, float]:
 
 
 def lay_ground(surface: OffsetSurface, seeds: Seeds, *, pick_feed_mm: float) -> Ground:
-    """The ground for passes about this far apart: the border is sampled five times as densely."""
+    """The ground for passes about this far apart: the border is sampled four times as densely."""
     spans = len(surface.patch.basis_u.starts) * len(surface.patch.basis_v.starts)
     span = np.sqrt(np.ptp(seeds.centres, axis=1).prod() / spans)
-    border = border_of(surface, spacing_mm=pick_feed_mm / 5)
+    border = border_of(surface, spacing_mm=pick_feed_mm / 4)
     return Ground(surface, seeds, border, station_mm=float(min(surface.radius_mm, span)))
 
 

@@ -68,6 +68,18 @@ class Reaches:
     along: Array
     is_found: Flags
 
+    def take(self, chosen: slice) -> Reaches:
+        """The chosen heights only."""
+        return Reaches(*(getattr(self, field.name)[..., chosen] for field in fields(self)))
+
+    def replaced(self, chosen: NDArray[np.intp], other: Reaches) -> Reaches:
+        """These heights with the chosen ones renewed."""
+        renewed = {}
+        for field in fields(self):
+            renewed[field.name] = getattr(self, field.name).copy()
+            renewed[field.name][..., chosen] = getattr(other, field.name)
+        return Reaches(**renewed)
+
 
 @dataclass(frozen=True, slots=True)
 class CuspGuess:
@@ -127,7 +139,7 @@ def solve_cusps(
     on_a, on_b = guess.on_a.copy(), guess.on_b.copy()
     for _ in range(steps + 1):
         both = surface.evaluate(*(np.concatenate([p[i] for p in (foot, on_a, on_b)]) for i in (0, 1)))
-        under, at_a, at_b = (_columns(both, slice(i * count, (i + 1) * count)) for i in range(3))
+        under, at_a, at_b = (both.take(slice(i * count, (i + 1) * count)) for i in range(3))
         cusp = under.contact + height * under.normal
         touch_a, touch_b = _touch(at_a, cusp, planes_mm[0]), _touch(at_b, cusp, planes_mm[1])
         row, short = _held_row(under, foot, held, value)
@@ -141,7 +153,7 @@ def solve_cusps(
         change = sum(inverse[:, i] * right[i] for i in range(3))
         move = under.contact_u * change[0] + under.contact_v * change[1]
         damp = np.minimum(1.0, 0.5 * surface.radius_mm / np.maximum(np.sqrt(dot(move, move)), 1e-300))
-        change = np.nan_to_num(change * damp)
+        change = _finite(change * damp)
         foot += change[:2]
         height += change[2]
         on_a += touch_a.step
@@ -177,7 +189,7 @@ def solve_reaches(
         is_found = (worst <= slack) & (touch.foot_error_mm <= 50 * slack)
         limit = 0.5 * surface.radius_mm
         with np.errstate(divide="ignore", invalid="ignore"):
-            height += np.clip(np.nan_to_num(short / facing), -limit, limit)
+            height += np.clip(_finite(short / facing), -limit, limit)
         on_pass += touch.step
         if is_found.all():
             break
@@ -206,7 +218,7 @@ def _touch(at: OffsetPoints, seen_from: Array, plane_mm: Array) -> _Contact:
                 (-foot_error * at.centre_u[1] - plane_error * foot_u) / determinant,
             ]
         )
-    step = np.nan_to_num(step)
+    step = _finite(step)
     away = away - at.centre_u * step[0] - at.centre_v * step[1]
     distance = np.sqrt(dot(away, away))
     toward = away / np.maximum(distance, 1e-300)
@@ -247,5 +259,6 @@ def _inverse(rows: list[Array]) -> Array:
         return np.stack(columns, axis=1) / dot(rows[0], columns[0])
 
 
-def _columns(found: OffsetPoints, chosen: slice) -> OffsetPoints:
-    return OffsetPoints(*(getattr(found, name)[:, chosen] for name in OffsetPoints.__slots__))
+def _finite(values: Array) -> Array:
+    """The values, 0 where they are not finite (a step that cannot be computed is not taken)."""
+    return np.where(np.isfinite(values), values, 0.0)

@@ -138,7 +138,7 @@ def locate(
             break
         chosen = np.flatnonzero(is_far)
         step = _solve_2x2(found.centre_u[:2, chosen], found.centre_v[:2, chosen], short[:, chosen])
-        parameters[:, chosen] += np.clip(np.nan_to_num(step), -limit, limit)
+        parameters[:, chosen] += np.clip(np.where(np.isfinite(step), step, 0.0), -limit, limit)
         part = surface.evaluate(parameters[0, chosen], parameters[1, chosen])
         found = part if len(chosen) == len(is_far) else _replace(found, part, chosen)
     short = target_xy - found.centre[:2]
