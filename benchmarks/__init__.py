@@ -1,0 +1,1 @@
+"""What `make bench` runs: each prints ratios against a peer in the same run."""
