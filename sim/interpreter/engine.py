@@ -16,12 +16,13 @@ from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.canon import Vector
 from sim.interpreter.definitions import define
 from sim.interpreter.execute import Executor
-from sim.interpreter.flow import Flow, Level, glance
+from sim.interpreter.flow import Flow, Level
 from sim.interpreter.mapping import mapping_of
 from sim.interpreter.outlet import Outlet
 from sim.interpreter.settings import Settings
 from sim.interpreter.source import Received, Source
 from sim.interpreter.state import State
+from sim.interpreter.structures import glance
 from sim.interpreter.subprograms import Subprograms
 from sim.interpreter.system_variables import SystemVariables
 from sim.interpreter.values import Variables

@@ -66,7 +66,7 @@ class Executor:
     @property
     def is_waiting(self) -> bool:
         """Whether a move waits for what follows it."""
-        return self._mover.is_waiting
+        return self._mover.path.is_waiting
 
     def execute(self, block: Block) -> Outcome:
         """Carry out a block. Raises ControlAlarm for what the control refuses."""
@@ -86,7 +86,7 @@ class Executor:
         if one_shot == "G4":
             self._dwell(request)
         elif request.code(ModalGroup.FRAME) is not None:
-            self._mover.finish_spline(None)
+            self._mover.path.finish_spline(None)
             self._frame(request)
         else:
             self._mover.move(request)
@@ -108,7 +108,7 @@ class Executor:
 
     def finish(self) -> None:
         """The program has ended: what still waits is completed."""
-        self._mover.finish()
+        self._mover.path.finish()
 
     def _put(self, make: type[canon.Command], request: Request, *values: object) -> None:
         self._outlet.put(make(request.block.line, request.block.number, *values))

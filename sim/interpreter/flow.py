@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from planner.gcode import Block, Expression, Name, SyntaxProblem, read_block
+from planner.gcode import Block, Expression, Name
 from planner.gcode.statement import (
     Case,
     Extern,
@@ -26,10 +26,8 @@ from planner.gcode.statement import (
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.settings import Settings
 from sim.interpreter.source import Source
+from sim.interpreter.structures import CLOSES, ENDS, closes, glance, is_target, opens, second_else
 from sim.interpreter.values import Variables, as_integer, as_number, evaluate
-
-_CLOSES = {Marker.ENDIF: "IF", Marker.ENDWHILE: "WHILE", Marker.ENDFOR: "FOR", Marker.ENDLOOP: "LOOP"}
-_ENDS = {"IF": "ENDIF", "WHILE": "ENDWHILE", "FOR": "ENDFOR", "LOOP": "ENDLOOP", "REPEAT": "UNTIL"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +143,7 @@ class Flow:
         level.search = None
         if search.kind != "label" or search.jump is None:
             kind = "IF" if search.kind == "else" else search.kind
-            raise ControlAlarm(AlarmNumber.NESTING, f"{kind} has no end; {_ENDS[kind]} is expected")
+            raise ControlAlarm(AlarmNumber.NESTING, f"{kind} has no end; {ENDS[kind]} is expected")
         if search.jump.keyword in ("GOTO", "GOTOC"):
             found = self._find_back(level, search.target, search.origin - 1)
             if found is not None:
@@ -161,7 +159,7 @@ class Flow:
         if level.opened:
             kind = level.opened[-1].kind
             raise ControlAlarm(
-                AlarmNumber.NESTING, f"{kind} has no end; {_ENDS[kind]} before the program ends is expected"
+                AlarmNumber.NESTING, f"{kind} has no end; {ENDS[kind]} before the program ends is expected"
             )
 
     def section_end(self, level: Level) -> None:
@@ -255,11 +253,11 @@ class Flow:
             level.opened.append(Opened(marker.value, index, Mark(marker)))
         elif marker is Marker.ELSE:
             if self._close(level, "IF", "ELSE").statement == Mark(Marker.ELSE):
-                raise _second_else()
+                raise second_else()
             level.depth = 0
             level.search = Search("IF", origin=index + 1)
         else:
-            self._end(level, _CLOSES[marker], marker.value)
+            self._end(level, CLOSES[marker], marker.value)
 
     def _close(self, level: Level, kind: str, word: str) -> Opened:
         if not level.opened or level.opened[-1].kind != kind:
@@ -318,69 +316,23 @@ class Flow:
 
     def _keep_track(self, level: Level, index: int, statement: Statement | None) -> None:
         """A jump forward may leave structures: their ends, passed over, close them."""
-        opens, closes = _opens(statement), _closes(statement)
-        if opens is not None and statement is not None:
-            level.opened.append(Opened(opens, index, statement))
-        elif closes is not None and level.opened and level.opened[-1].kind == closes:
+        opened, closed = opens(statement), closes(statement)
+        if opened is not None and statement is not None:
+            level.opened.append(Opened(opened, index, statement))
+        elif closed is not None and level.opened and level.opened[-1].kind == closed:
             level.opened.pop()
 
     def _skip(self, level: Level, index: int, statement: Statement | None, kind: str) -> None:
         """Pass over a branch; what is nested in it is counted."""
         wanted = "IF" if kind == "else" else kind
-        if _opens(statement) == wanted:
+        if opens(statement) == wanted:
             level.depth += 1
-        elif _closes(statement) == wanted:
+        elif closes(statement) == wanted:
             if level.depth == 0:
                 level.search = None
             level.depth -= 1
         elif wanted == "IF" and level.depth == 0 and statement == Mark(Marker.ELSE):
             if kind == "IF":
-                raise _second_else()
+                raise second_else()
             level.search = None
             level.opened.append(Opened("IF", index, Mark(Marker.ELSE)))
-
-
-def _second_else() -> ControlAlarm:
-    return ControlAlarm(AlarmNumber.NESTING, "a second ELSE stands in one IF; ENDIF is expected")
-
-
-def is_target(block: Block, target: str) -> bool:
-    """Whether the block has this label or, for N100 or :100, this number."""
-    if block.label == target:
-        return True
-    number = target[1:]
-    return (
-        number.isdigit() and block.number == int(number) and (target[0] == ":") == block.is_main and target[0] in "N:"
-    )
-
-
-def glance(raw: bytes) -> Block:
-    """The block for a search; one that cannot be read is no target."""
-    try:
-        return read_block(raw.decode("latin-1"))
-    except SyntaxProblem:
-        return Block()
-
-
-def _opens(statement: Statement | None) -> str | None:
-    match statement:
-        case If():
-            return "IF"
-        case While():
-            return "WHILE"
-        case For():
-            return "FOR"
-        case Mark(Marker.LOOP):
-            return "LOOP"
-        case Mark(Marker.REPEAT):
-            return "REPEAT"
-    return None
-
-
-def _closes(statement: Statement | None) -> str | None:
-    match statement:
-        case Mark(marker) if marker in _CLOSES:
-            return _CLOSES[marker]
-        case Until():
-            return "REPEAT"
-    return None
