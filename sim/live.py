@@ -69,6 +69,7 @@ class LiveMill:
         self._answer_s: float | None = None
         self._ear = _Ear.LISTENING
         self._program: str | None = None
+        self._block: int | None = None
         self._pending = [name for name in _KEYS if getattr(faults, name) is not None]
         self._ends: list[tuple[float, Callable[[float], None]]] = []
         self._orders: list[Order] = []
@@ -100,17 +101,18 @@ class LiveMill:
         return orders
 
     def panel(self) -> Panel | None:
-        """What the mill shows now; None without power."""
+        """What the mill shows now; None without power. A block without a number shows the last one there was."""
         if self.control.execution is Execution.UNAVAILABLE:
             return None
         seen = self.machine.snapshot()
+        self._block = self._block if seen.block is None else seen.block
         return Panel(
             uptime_s=self._now_s,
             execution=self.control.execution,
             mode=self.control.mode,
             alarm_number=self.control.alarm_number,
             feed_override_percent=seen.override_percent,
-            block=seen.block,
+            block=self._block,
             position_mm=seen.position_mm,
             distance_to_go_mm=seen.distance_to_go_mm,
             feed_mm_min=seen.feed_mm_min,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import click
 
 
@@ -21,6 +23,8 @@ def command(machine: str, modbus: str | None, *, low_power: bool) -> int:
     from dnc.status.job import JobWatcher
     from dnc.status.monitor import modbus_of
 
+    for name in ("COLUMNS", "LINES"):  # where they are exported, they would hide every change of the terminal's size
+        os.environ.pop(name, None)
     path = profile_path(machine, config_folder() / "machines")
     modbus_settings = modbus_of(load_profile(path).modbus, modbus)
     console = Console(Machine(machine, path), modbus_settings, JobWatcher(runtime_folder()), 1.0 if low_power else 0.5)

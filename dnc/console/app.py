@@ -6,13 +6,10 @@ It owns neither the port nor the job: killing it changes nothing at the machine.
 from __future__ import annotations
 
 import asyncio
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
-from multiprocessing import get_context
 from pathlib import Path
 
-from rich.console import Group
 from rich.style import Style
 from rich.text import Text
 from textual.app import App, ComposeResult
@@ -20,7 +17,7 @@ from textual.events import Key
 from textual.widgets import Static
 
 from dnc.console.alarms import AlarmList, present_alarms
-from dnc.console.forecast import Forecast, forecast
+from dnc.console.forecast import Forecast, forecast_apart
 from dnc.console.rows import Row, Tone
 from dnc.console.view import Known, planned, screen
 from dnc.profile import Modbus
@@ -31,10 +28,10 @@ STYLES = {
     Tone.PLAIN: Style(),
     Tone.QUIET: Style(dim=True),
     Tone.STRONG: Style(bold=True),
-    Tone.RUNS: Style(color="black", bgcolor="green", bold=True),
-    Tone.ABNORMAL: Style(color="black", bgcolor="yellow", bold=True),
-    Tone.FAULT: Style(color="white", bgcolor="red", bold=True),
-    Tone.ASKS: Style(color="white", bgcolor="blue", bold=True),
+    Tone.RUNS: Style(color="#000000", bgcolor="#35b34a", bold=True),
+    Tone.ABNORMAL: Style(color="#000000", bgcolor="#e6b800", bold=True),
+    Tone.FAULT: Style(color="#ffffff", bgcolor="#c81e1e", bold=True),
+    Tone.ASKS: Style(color="#ffffff", bgcolor="#1d5fd0", bold=True),
     Tone.SIMULATED: Style(reverse=True, bold=True),
 }
 _KEYS = {
@@ -56,8 +53,8 @@ _KEYS = {
 """Ctrl-S and Ctrl-Q are not among them: they stop and start the operator's own terminal."""
 
 _QUESTIONS = {
-    "resume": ("enter", "RESUME the job? The axes may move as soon as data comes. Enter: yes, any other key: no"),
-    "abort": ("a", "ABORT the job? It may cut a block; the control then needs a reset. A: yes, any other key: no"),
+    "resume": ("enter", "RESUME? The axes may move as soon as data comes. Enter: yes, any other: no"),
+    "abort": ("a", "ABORT? It may cut a block; reset the control then. A: yes, any other: no"),
 }
 
 
@@ -86,11 +83,12 @@ class Console(App[None], inherit_bindings=False):
         self._redraw_s = redraw_s
         self._forecasts: dict[str, Forecast | None] = {}
         self._tasks: list[asyncio.Task[None]] = []
-        self._face = Static("", markup=False)
+        self.face: list[Row] = []
+        self._shown = Static("", markup=False)
 
     def compose(self) -> ComposeResult:
         """One widget: the view is made of text."""
-        yield self._face
+        yield self._shown
 
     async def on_mount(self) -> None:
         """Begin to watch."""
@@ -161,7 +159,8 @@ class Console(App[None], inherit_bindings=False):
         )
         known = _with_end(known, now)
         size = self.size
-        self._face.update(Group(*(_text(one) for one in screen(known, size.width, size.height))))
+        self.face = screen(known, size.width, size.height)
+        self._shown.update(_text(self.face))
 
     def _forecast_of(self, job: JobReading | None) -> Forecast | None:
         """The plan's clock of this program; made in a process of its own the first time it is wanted."""
@@ -174,12 +173,7 @@ class Console(App[None], inherit_bindings=False):
         return self._forecasts[key]
 
     async def _make_forecast(self, key: str, program: Path) -> None:
-        loop = asyncio.get_running_loop()
-        pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
-        try:
-            self._forecasts[key] = await loop.run_in_executor(pool, forecast, program, self.machine.profile)
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        self._forecasts[key] = await forecast_apart(program, self.machine.profile)
 
 
 def _with_end(known: Known, now: datetime) -> Known:
@@ -189,8 +183,11 @@ def _with_end(known: Known, now: datetime) -> Known:
     return replace(known, end_clock=(now + timedelta(seconds=plan[1] - plan[0])).strftime("%H:%M"))
 
 
-def _text(spans: Row) -> Text:
-    line = Text(no_wrap=True, overflow="crop", end="")
-    for span in spans:
-        line.append(span.text, STYLES[span.tone])
-    return line
+def _text(rows: list[Row]) -> Text:
+    whole = Text(no_wrap=True, overflow="crop")
+    for number, spans in enumerate(rows):
+        if number:
+            whole.append("\n")
+        for span in spans:
+            whole.append(span.text, STYLES[span.tone])
+    return whole

@@ -1,14 +1,22 @@
-"""The plan's clock for one program: when each line and block begins, from a rehearsal without a line."""
+"""The plan's clock for one program: when each line and block begins, from a rehearsal without a line.
+
+A rehearsal takes seconds of computing, so the console runs this module as a process of its own: program and profile in,
+the forecast as one line of JSON out.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import bisect
-from dataclasses import dataclass
+import contextlib
+import os
+import sys
 from pathlib import Path
 
+import msgspec
 
-@dataclass(frozen=True, slots=True)
-class Forecast:
+
+class Forecast(msgspec.Struct, frozen=True):
     """Planned times in s since the first block: by line (rising), by block number, and in all; `stops` need a hand."""
 
     lines: tuple[int, ...]
@@ -64,3 +72,28 @@ def forecast(program: Path, profile: Path) -> Forecast | None:
         recording.machining_time_s,
         stops,
     )
+
+
+async def forecast_apart(program: Path, profile: Path) -> Forecast | None:
+    """The same in a child process of low priority, which is ended when this is cancelled."""
+    child = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "dnc.console.forecast", str(program), str(profile)),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.DEVNULL,
+    )
+    try:
+        said, _ = await child.communicate()
+    finally:
+        if child.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                child.kill()
+            await child.communicate()
+    with contextlib.suppress(msgspec.DecodeError):
+        return msgspec.json.decode(said, type=Forecast | None)
+    return None
+
+
+if __name__ == "__main__":
+    os.nice(10)
+    sys.stdout.buffer.write(msgspec.json.encode(forecast(Path(sys.argv[1]), Path(sys.argv[2]))))

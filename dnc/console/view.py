@@ -6,6 +6,7 @@ as `--`, what is old carries its age, and a rehearsal says SIMULATED across the 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -73,7 +74,7 @@ def screen(known: Known, columns: int, rows: int) -> list[Row]:
         small = [row(f"too small: {columns}x{rows}, needs {COLUMNS}x{ROWS}"), row(_state_word(known)[0])]
         return [fitted(one, columns) for one in (small + [row()] * rows)[:rows]]
     head = [_title(known, columns), _banner(known, columns), _state(known, columns), _progress(known, columns)]
-    foot = [_ask(known, columns), row(Span(KEYS, Tone.QUIET))]
+    foot = [_ask(known, columns), row(Span(f" {KEYS}", Tone.QUIET))]
     middle = _help() if known.is_help else _middle(known, columns, rows - len(head) - len(foot))
     body = [*head, *middle]
     body += [row()] * (rows - len(body) - len(foot))
@@ -206,7 +207,13 @@ def _doubt(known: Known) -> Row:
     doubt = snapshot.get("in_doubt")
     sent = f" sent to line {snapshot.get('line_sent') or '--'}"
     between = f"   in doubt {doubt[0]}..{doubt[1]}" if doubt else ""
-    return row(sent, between, f"   control at N{_value(known, 'block')}")
+    return row(sent, between, f"   control at {_block(known)}")
+
+
+def _block(known: Known) -> str:
+    """The last block number that the control has passed; a control shows 0 before the first."""
+    shown = _value(known, "block")
+    return "--" if shown in ("--", "0") else f"N{shown}"
 
 
 def _window(known: Known, height: int) -> list[Row]:
@@ -220,7 +227,7 @@ def _window(known: Known, height: int) -> list[Row]:
     shown: list[Row] = []
     for one in lines[first : first + height]:
         zone, text = str(one.get("zone")), str(one.get("text", ""))
-        is_cut = bool(block) and text.lstrip().startswith(f"N{block} ")
+        is_cut = bool(block) and re.match(rf"\s*N0*{block}(?!\d)", text) is not None
         tone = {"executed": Tone.QUIET, "next": Tone.QUIET, "sent": Tone.STRONG}.get(zone, Tone.PLAIN)
         mark = "*" if is_cut else _ZONES.get(zone, " ")
         shown.append(row(f" {mark} {one.get('line', ''):>6} ", Span(text[:80], tone)))
@@ -254,9 +261,8 @@ def _line_health(known: Known) -> Row:
     share = held_s / elapsed_s if elapsed_s > 0 else 0.0
     worst, most = snapshot.get("inflight_at_xoff_bytes_max"), snapshot.get("inflight_max_bytes")
     return row(
-        f" line {snapshot.get('baud')} baud, {snapshot.get('utilisation') or 0.0:.0%} used when not held;",
-        f" held {share:.0%} of the time, {snapshot.get('xoff_count')} stops;",
-        f" beyond recall {worst} of {most}",
+        f" line {snapshot.get('baud')} baud, {snapshot.get('utilisation') or 0.0:.0%} used;",
+        f" held {share:.0%} in {snapshot.get('xoff_count')} stops; beyond recall {worst} of {most}",
     )
 
 

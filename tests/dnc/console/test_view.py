@@ -1,0 +1,206 @@
+"""The operator's screen as text, from values."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dnc.console.alarms import AlarmLine, AlarmList, present_alarms
+from dnc.console.forecast import Forecast
+from dnc.console.rows import Tone, length, text_of
+from dnc.console.view import COLUMNS, ROWS, Known, planned, screen
+from dnc.status.job import JobReading
+from dnc.status.ledger import Ledger, MachineStatus, Trust
+from dnc.status.registers import VIRTUAL_MILL
+from sim.control import Execution
+from sim.panel import Panel, discrete_inputs, input_registers
+
+SNAPSHOT: dict[str, Any] = {
+    "state": "SENDING", "program": "/home/shop/FINISH_A.MPF", "sha256": "0" * 64, "link": "OPEN", "baud": 9600,
+    "simulated": False, "bytes_total": 4000, "bytes_sent": 1000, "line_sent": 30, "in_doubt": [5, 30],
+    "window": [
+        {"line": line, "text": f"N{line}G1X{line}", "zone": zone}
+        for line, zone in enumerate(["doubt"] * 10 + ["sent"] + ["next"] * 6, start=20)
+    ],
+    "held_s": 6.0, "held_now_s": 4.2, "xoff_count": 3, "inflight_at_xoff_bytes_max": 2, "inflight_max_bytes": 3,
+    "utilisation": 0.991, "elapsed_s": 10.0, "alarms": [],
+}  # fmt: skip
+PANEL = Panel(
+    execution=Execution.ACTIVE, block=27, position_mm=(12.402, 40.1, -3.222), distance_to_go_mm=(0.079, 0.0, -0.008),
+    feed_mm_min=820.0, spindle_rpm=1000.0, tool=2, buffer_fill_percent=62.0, feed_override_percent=85.0,
+)  # fmt: skip
+
+
+def machine(panel: Panel = PANEL, age_s: float = 0.4) -> MachineStatus:
+    ledger = Ledger(VIRTUAL_MILL, Trust(stale_s=0.9, lost_s=10.0, heartbeat_s=30.0))
+    words = {(4, address): word for address, word in enumerate(input_registers(panel, 1))}
+    ledger.answered(words | {(2, at): int(bit) for at, bit in enumerate(discrete_inputs(panel))}, {}, 100.0)
+    return ledger.status(100.0 + age_s)
+
+
+def job(**changes: object) -> JobReading:
+    return JobReading({**SNAPSHOT, **changes}, age_s=0.1, is_attached=True)
+
+
+def known(**changes: object) -> Known:
+    whole = Known(clock="14:22:07", machine_name="MILL-2", job=job(), machine=machine())
+    return dataclasses.replace(whole, **changes)  # type: ignore[arg-type]
+
+
+def shown(value: Known, columns: int = COLUMNS, rows: int = ROWS) -> str:
+    return text_of(screen(value, columns, rows))
+
+
+def tones(value: Known) -> set[Tone]:
+    return {span.tone for one in screen(value, COLUMNS, ROWS) for span in one}
+
+
+def test_one_screen_in_full() -> None:
+    """(2.2): what an operator reads while it runs."""
+    text = shown(known())
+    assert text.splitlines()[:5] == [
+        " MILL-2   AUTOMATIC                       FEED 85 %  SPINDLE 100 %     14:22:07",
+        "",
+        " ### SENDING ###                                       link OPEN   modbus 0.4 s",
+        " FINISH_A.MPF          25% of the bytes sent [========........................]",
+        " sent to line 30   in doubt 5..30   control at N27",
+    ]
+    for part in (
+        " *     27 N27G1X27", " >     30 N30G1X30", "ACTIVE", "X      12.402  go      0.079", "Z      -3.222  go",
+        "F       820.0  mm/min", "S        1000  T 2", "held 60% in 3 stops; beyond recall 2 of 3",
+        "buffer 62 % full, 0 bytes lost", "alarms: none", "F1 help",
+    ):  # fmt: skip
+        assert part in text
+
+
+@given(st.integers(1, 200), st.integers(1, 60), st.booleans(), st.booleans())
+def test_it_always_fills_exactly_the_screen(columns: int, rows: int, has_job: bool, has_machine: bool) -> None:
+    """(2.2, O2)"""
+    value = known(job=job() if has_job else None, machine=machine() if has_machine else None)
+    face = screen(value, columns, rows)
+    assert len(face) == rows
+    assert {length(one) for one in face} == {columns}
+
+
+def test_a_small_terminal_is_told_and_still_shows_the_state() -> None:
+    """(2.2, O2)"""
+    assert shown(known(), 40, 5).splitlines()[:2] == ["too small: 40x5, needs 80x24", "SENDING"]
+
+
+def test_simulated_is_a_banner_over_the_whole_width() -> None:
+    """(2.2, O7)"""
+    value = known(job=job(simulated=True))
+    line = shown(value).splitlines()[1]
+    assert len(line) == COLUMNS
+    assert "SIMULATED" in line
+    assert Tone.SIMULATED in tones(value)
+    assert Tone.SIMULATED not in tones(known())
+
+
+def test_held_is_normal_and_quiet() -> None:
+    """(2.2): held by the control is how drip-feed works, not a warning."""
+    value = known(job=job(state="HELD"))
+    assert "### HELD ### by the control 0:04" in shown(value)
+    assert tones(value).isdisjoint({Tone.ABNORMAL, Tone.FAULT})
+
+
+def test_a_job_whose_process_has_gone_is_lost_not_sending() -> None:
+    """(2.2)"""
+    gone = JobReading(SNAPSHOT, age_s=3.0, is_attached=False)
+    assert "### LOST ### the sending process has gone without a word" in shown(known(job=gone))
+    ended = JobReading({**SNAPSHOT, "state": "SENT"}, age_s=300.0, is_attached=False)
+    assert "### SENT ### to the control; not: done" in shown(known(job=ended))
+
+
+def test_old_values_say_their_age_and_old_positions_are_not_shown() -> None:
+    """(2.2, M1)"""
+    text = shown(known(machine=machine(age_s=4.0)))
+    assert "modbus STALE 4 s" in text
+    assert "ACTIVE (4 s old)" in text
+    assert "12.402" not in text
+    assert "modbus UNAVAILABLE" in shown(known(machine=None))
+
+
+def test_bytes_lost_by_the_control_are_red_words() -> None:
+    """(2.2, L3)"""
+    value = known(machine=machine(dataclasses.replace(PANEL, overrun_bytes=4)))
+    assert "CONTROL LOST 4 BYTES" in shown(value)
+    assert Tone.FAULT in tones(value)
+
+
+def test_an_empty_buffer_in_cycle_is_abnormal() -> None:
+    """(2.2, C8)"""
+    value = known(machine=machine(dataclasses.replace(PANEL, buffer_fill_percent=0.0)))
+    assert "EMPTY: the line may be too slow" in shown(value)
+
+
+def test_progress_is_by_planned_time_where_there_is_a_plan() -> None:
+    """(2.2): by the block the machine shows, else by the first line in doubt."""
+    plan = Forecast(
+        lines=(1, 5, 27, 30), starts_s=(0.0, 100.0, 270.0, 300.0), blocks={27: 270.0}, total_s=360.0, stops=(30,)
+    )
+    value = known(forecast=plan, end_clock="15:34")
+    assert planned(value) == (270.0, 360.0)
+    text = shown(value)
+    assert "75% of the time" in text
+    assert "left 1:30  end 15:34" in text
+    assert "next stop in 0:30" in text
+    assert planned(known(forecast=plan, machine=None)) == (100.0, 360.0)
+    completed = machine(dataclasses.replace(PANEL, execution=Execution.PROGRAM_COMPLETED))
+    assert planned(known(forecast=plan, machine=completed)) == (360.0, 360.0)
+
+
+def test_nothing_from_outside_can_act_on_the_terminal() -> None:
+    """(2.2, N7)"""
+    evil = "\x1b[2J[red]\u202e\x9b31m"
+    window = [{"line": 1, "text": evil, "zone": "sent"}]
+    text = shown(known(job=job(program=evil, window=window), alarms=(AlarmLine("X", "alarm", evil, evil),)), 100, 30)
+    assert not {"\x1b", "\u202e", "\x9b"} & set(text)
+    assert "<1B>[2J[red]<202E><9B>31m" in text
+
+
+def test_alarms_show_meaning_and_remedy_first_out_first() -> None:
+    """(2.2)"""
+    alarms = tuple(
+        AlarmLine(f"DNC-{n}", "alarm", f"text {n}", f"remedy {n}", is_acknowledged=n == 1) for n in range(1, 9)
+    )
+    text = shown(known(alarms=alarms))
+    assert "   ALARM DNC-1 text 1" in text
+    assert " ! ALARM DNC-2 text 2" in text
+    assert "-> remedy 1" in text
+    assert "and 5 more" in text
+    assert text.splitlines()[-1].startswith(" F1 help")
+
+
+def test_the_alarm_list_keeps_order_and_acknowledgement() -> None:
+    """(2.2)"""
+    first, second = AlarmLine("A", "alarm", "a", ""), AlarmLine("B", "note", "b", "")
+    book = AlarmList()
+    assert book.update([first])
+    assert not book.update([second, first])
+    assert [alarm.id for alarm in book.lines()] == ["A", "B"]
+    book.update([second])
+    assert [alarm.id for alarm in book.lines()] == ["A", "B"]
+    book.acknowledge()
+    book.update([second])
+    assert [(alarm.id, alarm.is_acknowledged) for alarm in book.lines()] == [("B", True)]
+    assert book.update([first])
+
+
+def test_alarms_come_from_job_and_machine() -> None:
+    """(2.2)"""
+    sent = {"id": "DNC-L001", "severity": "warning", "text": "held long", "remedy": "look at the control"}
+    stopped = machine(dataclasses.replace(PANEL, alarm_number=12470))
+    assert [alarm.id for alarm in present_alarms(job(alarms=[sent]), stopped)] == ["DNC-L001", "CNC-12470"]
+    assert present_alarms(None, None) == []
+
+
+@pytest.mark.parametrize("columns", [80, 132])
+def test_a_question_and_the_help_have_their_place(columns: int) -> None:
+    """(2.2)"""
+    assert shown(known(question="ABORT?"), columns).splitlines()[-2].strip() == "ABORT?"
+    assert "No key here is an emergency stop" in shown(known(is_help=True), columns)
