@@ -1,7 +1,7 @@
 """Overshoot, utilisation, CPU of the line over baud x buffer x FIFO: `python -m benchmarks.line [--quick]`.
 
-Each row is one window of `dnc send` against `dnc mill` at speed 1. A stop counts as measured if neither process was held
-up by more than 0.6 ms around it; the worst of all stops stands beside it. Judged against the bounds of the requirement:
+Each row is one window of `dnc send` against `dnc mill` at speed 1. A stop counts as measured if neither process was
+held up by more than 0.6 ms around it; the worst of all stops stands beside it. Judged against the bounds of the requirement:
 overshoot at most 3 bytes up to 38400 baud and 9 at 115200, utilisation of the time not held (median of the runs between
 two stops) at least 0.98 and 0.96, no overrun.
 """
@@ -13,6 +13,7 @@ import contextlib
 import json
 import os
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -39,6 +40,7 @@ class Row:
     fifo_bytes: int
     stops: int
     measured: int
+    overshoot_median: float
     overshoot: int
     overshoot_worst: int
     utilisation: float | None
@@ -63,25 +65,18 @@ def main() -> int:
     if wishes.quick:
         cases, wishes.seconds = [(9600, 64, 4096), (38400, 512, 16), (115200, 4096, 4096)], 5.0
     print(
-        "| baud | buffer | FIFO | stops | measured | overshoot | worst of all | utilisation | overrun | CPU % | kept |"
+        "| baud | buffer | FIFO | stops | measured | overshoot median | max | worst of all | utilisation | overrun | CPU % | kept |"
     )
-    print("|---|---|---|---|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     rows = []
     for baud, buffer, fifo in cases:
         row = measured(baud, buffer, fifo, wishes.seconds)
         rows.append(row)
         used = "-" if row.utilisation is None else f"{row.utilisation:.4f}"
-        cells = (
-            row.baud,
-            row.buffer_bytes,
-            row.fifo_bytes,
-            row.stops,
-            row.measured,
-            row.overshoot,
-            row.overshoot_worst,
-        )
+        stops = (row.stops, row.measured, f"{row.overshoot_median:g}", row.overshoot, row.overshoot_worst)
         tail = (used, row.overrun, f"{100 * row.cpu:.1f}", "yes" if row.is_kept else "NO")
-        print("| " + " | ".join(map(str, (*cells, *tail))) + " |", flush=True)
+        cells = (row.baud, row.buffer_bytes, row.fifo_bytes, *stops, *tail)
+        print("| " + " | ".join(map(str, cells)) + " |", flush=True)
     print(f"held at rest: {100 * cpu_while_held():.2f} % CPU")
     return 0 if all(row.is_kept for row in rows) else 1
 
@@ -104,6 +99,7 @@ def measured(baud: int, buffer_bytes: int, fifo_bytes: int, seconds: float) -> R
         fifo_bytes=fifo_bytes,
         stops=len(seen["xoff_cycles"]),
         measured=len(good),
+        overshoot_median=statistics.median([stop["overshoot_bytes"] for stop in good] or [0]),
         overshoot=max((stop["overshoot_bytes"] for stop in good), default=0),
         overshoot_worst=seen["overshoot_bytes_max"],
         utilisation=sent["utilisation_median"],
