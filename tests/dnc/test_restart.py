@@ -104,7 +104,7 @@ def test_modes_frame_and_offset_are_those_before_the_block() -> None:
         original.block(raw, number)
     now, then = interpreter.state, original.state
     for field in dataclasses.fields(then):
-        if field.name in ("tangent", "message", "is_ended", "position_mm", "frame"):
+        if field.name in ("tangent", "last_motion", "message", "is_ended", "position_mm", "frame"):
             continue
         assert getattr(now, field.name) == getattr(then, field.name), field.name
     assert now.position_mm == pytest.approx(then.position_mm)
