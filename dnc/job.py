@@ -18,7 +18,7 @@ from dnc.aftermath import leave_mark
 from dnc.capture import Capture
 from dnc.errors import ControlStopped, LineFault, OperatorAbort
 from dnc.eventlog import EventLog, Listener
-from dnc.events import JobState
+from dnc.events import JobState, Severity
 from dnc.handshake import Cause
 from dnc.journal import Journal
 from dnc.names import JobNames
@@ -164,7 +164,8 @@ class Job:
         window = doubt_words(
             self.tape, in_doubt(self.tape, sender.offset_bytes, self._inflight(), self.profile.control)
         )
-        why = self.events.alarms[-1] if self.events.alarms else None
+        grave = [alarm for alarm in self.events.alarms if alarm.severity is Severity.ALARM]
+        why = grave[-1] if grave else None
         told = f"{why.text}; {why.remedy}" if why is not None else sender.last_cause.value
         if sender.state is JobState.SENT:
             return 0, sender.note or f"sent {sender.tally.bytes_sent} bytes; SENT does not mean that the part is done"

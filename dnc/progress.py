@@ -13,6 +13,7 @@ from dnc.events import Alarm, Event, StateChanged
 from dnc.sender import Sender
 
 _PERIOD_S = 0.5
+_HINTS = {"ARMED": "; press cycle start", "PAUSED": "; resume with dnc console, Ctrl-C aborts"}
 
 
 def printable(text: str) -> str:
@@ -32,7 +33,7 @@ def event_lines(is_simulated: bool) -> Listener:
         if isinstance(event, Alarm):
             click.echo(f"dnc: {label}{event.severity.value} {event.id}: {event.text}; {event.remedy}", err=True)
         elif isinstance(event, StateChanged) and event.new.value in ("ARMED", "PAUSED"):
-            click.echo(f"dnc: {label}{event.new.value}: {event.cause}", err=True)
+            click.echo(f"dnc: {label}{event.new.value}: {event.cause}{_HINTS[event.new.value]}", err=True)
 
     return show
 
