@@ -51,5 +51,5 @@ def _compiled_twin() -> ModuleType:
     twin = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(twin)
     for name in (*_INNER_FIRST, "run"):
-        setattr(twin, name, numba.njit(cache=True)(getattr(twin, name)))
+        setattr(twin, name, numba.njit(cache=True, error_model="numpy")(getattr(twin, name)))
     return twin

@@ -136,7 +136,7 @@ def is_safe(
             need = brake_mm(v, a, target, acceleration, jerk)
             if need > 0.0 and need + jerk * dt * dt * dt > ahead:
                 return 0
-        if ahead >= stop:
+        if ahead >= 1.1 * stop + v * dt:
             return verdict
         if q == last:
             return 1
@@ -247,9 +247,13 @@ def plan_landing(
     jerks: Array,
     stops: Indices,
     dt: float,
-    spare: int,
+    longest: int,
 ) -> bool:
-    """Begin a landing on the end of piece `stop` if one is possible now, and say whether it is."""
+    """Begin a landing on the end of piece `stop` if one is possible now, and say whether it is.
+
+    A landing is smoother than the quickest stop and takes longer, so only the last `longest` steps before a stop are
+    one; from rest, a whole short move is.
+    """
     s, v, a = state[S], state[V], state[A]
     piece = int(state[PIECE])
     ahead = ends[stop] - s
@@ -258,7 +262,9 @@ def plan_landing(
         return False
     ramp_s = 3.0 * ahead / v if a < 0.0 and v > 0.0 else (32.0 * ahead / jerk) ** (1.0 / 3.0)
     least = max(3, int(ramp_s / dt))
-    for steps in range(least, least + spare):
+    if v > 0.0 and least > longest:
+        return False
+    for steps in range(least, least + (6 if v > 0.0 else 60)):
         if lands(s, v, a, steps, piece, stop, ends, speeds, nodes, accs, jerks, stops, dt):
             alpha, beta, gamma = landing(ahead, v, a, steps, dt)
             state[LANDING_LEFT] = state[LANDING_STEPS] = steps
@@ -349,7 +355,7 @@ def choose_jerk(
         return low
     proved = low
     trial, best = high, low
-    for _ in range(8):
+    for _ in range(8 if v > 0.0 else 40):
         a_next = a + trial * dt
         v_next = v + dt * (a + a_next) / 2.0
         s_next = s + dt * (v + dt * (a / 2.0 + dt * trial / 6.0))
@@ -372,7 +378,7 @@ def choose_jerk(
         else:
             high = trial
         trial = (low + high) / 2.0
-    for _ in range(4):
+    for _ in range(4 if v > 0.0 else 40):
         if best == proved or can_stop(s, v, a, best, piece, last, ends, caps, knots, accs, jerks, stops, dt):
             return best
         best = (best + proved) / 2.0
@@ -415,9 +421,7 @@ def run(
             state[LANDING_LEFT] = 0
         is_landing = state[LANDING_LEFT] > 0
         if not (is_holding or is_landing):
-            is_landing = plan_landing(
-                state, stop, ends, speeds, nodes, accs, jerks, stops, dt, 6 if state[V] > 0.0 else 60
-            )
+            is_landing = plan_landing(state, stop, ends, speeds, nodes, accs, jerks, stops, dt, 12)
         if is_landing:
             left = int(state[LANDING_LEFT])
             j = landing_jerk(state[ALPHA], state[BETA], state[GAMMA], int(state[LANDING_STEPS]), left)

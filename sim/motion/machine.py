@@ -14,13 +14,13 @@ from collections import deque
 import numpy as np
 
 from sim.interpreter import canon
-from sim.interpreter.canon import Command, Motion, PathMode, Vector
+from sim.interpreter.canon import Command, Motion, Vector
 from sim.motion import law
 from sim.motion.fast import can_compile, time_law
 from sim.motion.limits import axis_limits
-from sim.motion.path import Path, Run
+from sim.motion.path import Path
+from sim.motion.prepare import Preparation
 from sim.motion.record import Recorder
-from sim.motion.straight import Modal
 from sim.motion.values import (
     Array,
     Indices,
@@ -46,8 +46,6 @@ __all__ = [
     "StarvedInterval",
     "StopReason",
 ]
-
-_SYNCHRONOUS = (canon.Dwell, canon.ChangeTool, canon.Stop, canon.End, canon.Alarm)
 
 
 class Machine:
@@ -77,8 +75,8 @@ class Machine:
         self._speed_error = speed_error
         self._override = 1.0
         self._is_single_block = False
-        self._tool = self._selected = 0
-        self._spindle_rpm = self._spindle_asked = 0.0
+        self._tool = 0
+        self._spindle_rpm = 0.0
         self._is_flood = self._is_mist = False
         self._message = self._alarm = ""
         self._record = Recorder(step_s)
@@ -92,13 +90,10 @@ class Machine:
         """An empty path and nothing queued: the state after power-on and after a reset."""
         self._path = Path(self._axes, self._times.overload, self._speed_error, self._times.same_place_mm)
         self._pending: deque[Command] = deque()
-        self._events: deque[tuple[int, Command, bool]] = deque()
+        self._preparation = Preparation(self._times.rounding_mm, stops_at_optional=self._stops_at_optional)
         self._law = np.zeros(law.STATE_SIZE)
         self._is_at_stop = True
         self._standing_steps = 0
-        self._mode, self._tolerance = PathMode.CONTINUOUS, self._times.rounding_mm
-        self._is_soft = True
-        self._is_after_stop = self._is_exact_once = False
         self._is_closed = self._is_holding = self._is_resetting = False
         self._single_ordinal = -1
         self._state = MachineState.READY
@@ -227,67 +222,13 @@ class Machine:
             return
         if self._state is MachineState.READY:
             self._state = MachineState.ACTIVE
-        runs: list[Run] = []
-        straight: list[Motion] = []
-        motions = len(self._path.motions)
-        for command in self._pending:
-            if isinstance(command, canon.Line | canon.Rapid):
-                straight.append(command)
-                motions += 1
-                if self._is_exact_once:
-                    straight = self._end_run(runs, straight)
-            elif isinstance(command, canon.Arc | canon.Polynomial):
-                self._end_run(runs, straight, is_exact=False)
-                straight = self._end_run(runs, [command])
-                motions += 1
-            else:
-                straight = self._end_run(runs, straight, is_exact=False)
-                self._note(command, motions)
-        self._end_run(runs, straight)
+        runs = self._preparation.take(self._pending, len(self._path.motions), is_single_block=self._is_single_block)
         self._pending.clear()
         if runs:
             first = self._path.add(runs, self._committed_mm())
             self._path.pieces.limit(self._override, max(first - 1, 0))
             self._find_piece()
             self._mark_single_block()
-
-    def _end_run(self, runs: list[Run], motions: list[Motion], *, is_exact: bool = True) -> list[Motion]:
-        """These motions are a run, if there are any; a pending exact stop belongs to the last one."""
-        if motions:
-            mode = (
-                PathMode.CONTINUOUS if self._is_single_block and self._mode is not PathMode.EXACT_STOP else self._mode
-            )
-            modal = Modal(mode, self._tolerance, self._is_soft)
-            runs.append(Run(motions, modal, self._is_after_stop, is_exact and self._is_exact_once))
-            self._is_after_stop = False
-            if is_exact:
-                self._is_exact_once = False
-        return []
-
-    def _note(self, command: Command, motions: int) -> None:
-        """A command that is no motion, after this many motions: modal, or an event of its own."""
-        match command:
-            case canon.SetPathMode(mode=mode, tolerance_mm=tolerance):
-                self._mode = mode
-                self._tolerance = self._times.rounding_mm if tolerance is None else tolerance
-            case canon.ExactStopOnce():
-                self._is_exact_once = True
-            case canon.SetJerkLimit(is_limited=is_limited):
-                self._is_soft = is_limited
-            case _:
-                is_synchronous = self._is_synchronous(command)
-                self._events.append((motions, command, is_synchronous))
-                self._is_after_stop |= is_synchronous
-                if isinstance(command, canon.Spindle):
-                    self._spindle_asked = command.speed_rpm
-
-    def _is_synchronous(self, command: Command) -> bool:
-        """Whether the axes stand while this is done."""
-        if isinstance(command, canon.Spindle):
-            return command.speed_rpm != self._spindle_asked
-        if isinstance(command, canon.Stop) and command.is_optional:
-            return self._stops_at_optional
-        return isinstance(command, _SYNCHRONOUS)
 
     def _committed_mm(self) -> float:
         """Path length where the machine can stand at the earliest."""
@@ -356,7 +297,7 @@ class Machine:
         self._roundings += self._path.roundings()
         self._blocks_before += self._ordinal()
         self._begin()
-        self._spindle_rpm = self._spindle_asked = 0.0
+        self._spindle_rpm = 0.0
         self._is_flood = self._is_mist = False
         self._alarm = ""
         self._record.begin_stand(StopReason.RESET, self._position)
@@ -366,8 +307,9 @@ class Machine:
         if self._is_resetting:
             self._finish_reset()
             return False
-        if self._events and self._events[0][0] <= self._ordinal():
-            self._do_event(self._events.popleft()[1])
+        events = self._preparation.events
+        if events and events[0].after <= self._ordinal():
+            self._do_event(events.popleft().command)
             return True
         if self._is_holding:
             return self._hold()
@@ -421,8 +363,9 @@ class Machine:
             if np.max(np.abs(points[-1] - end)) <= self._times.same_place_mm:
                 points[-1] = end
         self._log(points, log_v[:done], rows.ordinals[log_piece[:done]])
-        while self._events and self._events[0][0] <= self._ordinal() and not self._events[0][2]:
-            self._do_event(self._events.popleft()[1])
+        events = self._preparation.events
+        while events and events[0].after <= self._ordinal() and not events[0].is_synchronous:
+            self._do_event(events.popleft().command)
         if has_landed:
             self._arrive(int(rows.ordinals[piece]))
 
@@ -446,24 +389,13 @@ class Machine:
         if reason is not None:
             self._record.begin_stand(reason, self._position)
         if reason is StopReason.EXACT_STOP:
-            self._standing_steps = math.ceil(self._settle_s() / self._step_s)
-
-    def _settle_s(self) -> float:
-        """Time until the axes are within the exact-stop window after the set values have come to rest.
-
-        A stop with constant jerk J leaves a servo loop of gain K lagging by J/K^3, which decays with K.
-        """
-        gain = self._times.servo_gain_per_s
-        lag = float(np.max(self._axes.jerk)) / gain**3
-        return max(0.0, math.log(lag / self._times.exact_stop_mm) / gain)
+            self._standing_steps = math.ceil(self._times.settle_s(float(np.max(self._axes.jerk))) / self._step_s)
 
     def _do_event(self, command: Command) -> None:
         """Carry out what is no motion; the axes stand if it is one they stand for."""
         match command:
             case canon.Dwell(time_s=time_s):
                 self._stand(StopReason.DWELL, time_s)
-            case canon.SelectTool(number=number):
-                self._selected = number
             case canon.ChangeTool(number=number):
                 self._tool = number
                 self._stand(StopReason.TOOL_CHANGE, self._times.tool_change_s)
@@ -481,7 +413,7 @@ class Machine:
                 elif self._stops_at_optional:
                     self._wait(MachineState.OPTIONAL_STOP, StopReason.OPTIONAL_STOP)
             case canon.End():
-                self._spindle_rpm = self._spindle_asked = 0.0
+                self._spindle_rpm = 0.0
                 self._is_flood = self._is_mist = False
                 self._wait(MachineState.COMPLETED, StopReason.END)
             case canon.Alarm(number=number, text=text):

@@ -5,6 +5,7 @@ Positions are of the programmed point in work coordinates, mm; the clock is the 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -140,3 +141,11 @@ class MachineTimes:
     overload: float = 1.2
     rounding_mm: float = 0.01
     same_place_mm: float = 1e-7
+
+    def settle_s(self, jerk_mm_s3: float) -> float:
+        """Time until the axes are within the exact-stop window after the set values have come to rest.
+
+        A stop with constant jerk J leaves a servo loop of gain K lagging by J/K^3, which decays with K.
+        """
+        lag_mm = jerk_mm_s3 / self.servo_gain_per_s**3
+        return max(0.0, math.log(lag_mm / self.exact_stop_mm) / self.servo_gain_per_s)

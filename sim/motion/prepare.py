@@ -1,0 +1,98 @@
+"""The control's preparation of commands: what is modal, which motions form a run, and what happens between motions."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from sim.interpreter import canon
+from sim.interpreter.canon import Command, Motion, PathMode
+from sim.motion.path import Run
+from sim.motion.straight import Modal
+
+_SYNCHRONOUS = (canon.Dwell, canon.ChangeTool, canon.Stop, canon.End, canon.Alarm)
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A command that is no motion, due after the first `after` motions; the axes stand for it if `is_synchronous`."""
+
+    after: int
+    command: Command
+    is_synchronous: bool
+
+
+class Preparation:
+    """What is modal between one command and the next, and the events that wait for their motions."""
+
+    def __init__(self, rounding_mm: float, *, stops_at_optional: bool) -> None:
+        self.events: deque[Event] = deque()
+        self._rounding_mm = self._tolerance_mm = rounding_mm
+        self._stops_at_optional = stops_at_optional
+        self._mode = PathMode.CONTINUOUS
+        self._is_soft = True
+        self._is_after_stop = self._is_exact_once = self._is_single_block = False
+        self._spindle_rpm = 0.0
+        self._runs: list[Run] = []
+
+    def take(self, commands: Iterable[Command], motions: int, *, is_single_block: bool) -> list[Run]:
+        """The runs of these commands; `motions` is how many motions came before them.
+
+        In single block corners are not rounded, since the axes stop there.
+        """
+        self._runs, self._is_single_block = [], is_single_block
+        straight: list[Motion] = []
+        for command in commands:
+            if isinstance(command, canon.Line | canon.Rapid):
+                straight.append(command)
+                motions += 1
+                if self._is_exact_once:
+                    self._end_run(straight, is_exact=True)
+                    straight = []
+                continue
+            self._end_run(straight, is_exact=False)
+            straight = []
+            if isinstance(command, canon.Arc | canon.Polynomial):
+                self._end_run([command], is_exact=self._is_exact_once)
+                motions += 1
+            else:
+                self._note(command, motions)
+        self._end_run(straight, is_exact=False)
+        return self._runs
+
+    def _end_run(self, motions: list[Motion], *, is_exact: bool) -> None:
+        """These motions are a run, if there are any; `is_exact`: a pending exact stop belongs to the last one."""
+        if not motions:
+            return
+        mode = self._mode
+        if self._is_single_block and mode is not PathMode.EXACT_STOP:
+            mode = PathMode.CONTINUOUS
+        self._runs.append(Run(motions, Modal(mode, self._tolerance_mm, self._is_soft), self._is_after_stop, is_exact))
+        self._is_after_stop = False
+        self._is_exact_once &= not is_exact
+
+    def _note(self, command: Command, motions: int) -> None:
+        """A command that is no motion: modal, or an event of its own."""
+        match command:
+            case canon.SetPathMode(mode=mode, tolerance_mm=tolerance):
+                self._mode = mode
+                self._tolerance_mm = self._rounding_mm if tolerance is None else tolerance
+            case canon.ExactStopOnce():
+                self._is_exact_once = True
+            case canon.SetJerkLimit(is_limited=is_limited):
+                self._is_soft = is_limited
+            case _:
+                is_synchronous = self._is_synchronous(command)
+                self.events.append(Event(motions, command, is_synchronous))
+                self._is_after_stop |= is_synchronous
+                if isinstance(command, canon.Spindle):
+                    self._spindle_rpm = command.speed_rpm
+
+    def _is_synchronous(self, command: Command) -> bool:
+        """Whether the axes stand while this is done."""
+        if isinstance(command, canon.Spindle):
+            return command.speed_rpm != self._spindle_rpm
+        if isinstance(command, canon.Stop) and command.is_optional:
+            return self._stops_at_optional
+        return isinstance(command, _SYNCHRONOUS)
