@@ -39,8 +39,14 @@ class AlarmNumber(IntEnum):
 
 
 class ControlAlarm(Exception):
-    """A block is refused; becomes a canonical Alarm, never leaves the interpreter."""
+    """A block is refused; becomes a canonical Alarm, never leaves the interpreter.
 
-    def __init__(self, number: int, text: str, column: int | None = None) -> None:
+    `line` and `block` are set where an earlier block than the one being read is at fault.
+    """
+
+    def __init__(
+        self, number: int, text: str, column: int | None = None, *, line: int | None = None, block: int | None = None
+    ) -> None:
         self.number, self.text, self.column = int(number), text, column
+        self.line, self.block = line, block
         super().__init__(text)

@@ -57,14 +57,20 @@ class BSplineBuilder(SplineBuilder):
         count, degree = self._count, self.degree
         if count <= degree:
             text = f"the BSPLINE has {count} points with its start; at least {degree + 1} are expected"
-            raise ControlAlarm(AlarmNumber.SPLINE, text)
+            raise self._refusal(text)
         if not self._is_automatic:
             top = self._knots[-1]
             self._knots += [top] * (count + degree + 1 - (self._first + len(self._knots)))
             if self._knot(count) != top:
                 text = "the BSPLINE does not end in its last point; PL=0 is expected in its last block"
-                raise ControlAlarm(AlarmNumber.SPLINE, text)
+                raise self._refusal(text)
         self._emit(count - 1, is_last=True)
+
+    def _refusal(self, text: str) -> ControlAlarm:
+        """An alarm at the last point's block."""
+        last = self._points[-1]
+        line, block = (None, None) if last is None else (last.line, last.block)
+        return ControlAlarm(AlarmNumber.SPLINE, text, line=line, block=block)
 
     def _check(self, point: SplinePoint) -> None:
         if not 0.0 < point.weight <= 3.0:

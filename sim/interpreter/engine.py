@@ -146,6 +146,8 @@ class Interpreter:
         except SyntaxProblem as problem:
             self._alarm(AlarmNumber.SYNTAX, f"{problem.what}; expected {problem.expected}", problem.column)
         except ControlAlarm as alarm:
+            if alarm.line is not None:
+                self._line, self._number = alarm.line, alarm.block
             self._alarm(alarm.number, alarm.text, alarm.column)
         else:
             return True
@@ -166,7 +168,8 @@ class Interpreter:
             try:
                 self._execute(level, index, block)
             except ControlAlarm as alarm:
-                alarm.column = alarm.column or _first_column(block)
+                if alarm.line is None:
+                    alarm.column = alarm.column or _first_column(block)
                 raise
 
     def _execute(self, level: Level, index: int, block: Block) -> None:

@@ -65,10 +65,10 @@ class Path:
         request.polynomials.clear()
         if self._spline is not None and self._spline.code != code:
             self.finish_spline(None)
-        if self._spline is None:
-            self._spline = self._new_spline(code)
-        self._spline_degree(self._spline, request)
-        spline = self._spline
+        spline = self._spline or self._new_spline(code)
+        spline = self._of_degree(spline, request)
+        spline.check = self._check_area
+        self._spline = spline
         interval, weight = request.take("PL"), request.take("PW")
         if code != "BSPLINE" and (interval is not None or weight is not None):
             raise ControlAlarm(AlarmNumber.SPLINE, f"{code} takes neither PL nor PW; BSPLINE does")
@@ -128,11 +128,11 @@ class Path:
         builder = AkimaBuilder if code == "ASPLINE" else CubicBuilder
         return builder(state.position_mm, state.spline_start, state.spline_end, state.tangent)
 
-    def _spline_degree(self, spline: SplineBuilder, request: Request) -> None:
+    def _of_degree(self, spline: SplineBuilder, request: Request) -> SplineBuilder:
         """SD before or in the first block of a B-spline; it cannot change inside."""
         degree = request.take("SD")
         if degree is None:
-            return
+            return spline
         if degree not in (2.0, 3.0) or not isinstance(spline, BSplineBuilder):
             raise ControlAlarm(AlarmNumber.SPLINE, f"SD={degree:g} is no degree of {spline.code}; BSPLINE takes 2 or 3")
         if spline.degree != degree:
@@ -140,5 +140,6 @@ class Path:
                 raise ControlAlarm(
                     AlarmNumber.SPLINE, "SD changes inside a BSPLINE; another motion code first is expected"
                 )
-            self._spline = BSplineBuilder(self._state.position_mm, int(degree), self._settings.knot_rule)
             self._state.spline_degree = int(degree)
+            return self._new_spline("BSPLINE")
+        return spline

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from sim.interpreter import canon
@@ -32,11 +33,12 @@ class SplinePoint:
 
 
 class SplineBuilder(ABC):
-    """A spline that has begun at `start`; `last` is its last complete span."""
+    """A spline that has begun at `start`; `last` is its last complete span. `check` may refuse a span."""
 
     def __init__(self, code: str, start: Vector) -> None:
         self.code = code
         self.last: canon.Polynomial | None = None
+        self.check: Callable[[canon.Motion], None] | None = None
         self._start = start
 
     @abstractmethod
@@ -61,6 +63,8 @@ class SplineBuilder(ABC):
         self.last = canon.Polynomial(
             point.line, point.block, start, curve.end, coefficients, curve.denominator, curve.length, speed
         )
+        if self.check is not None:
+            self.check(self.last)
         point.slot.commands = [self.last]
 
 

@@ -92,6 +92,8 @@ def test_working_area_counts_what_bulges_out() -> None:
     """(6.2) An arc or a polynomial may leave the area though its ends are inside."""
     assert run("G26 Y4\nG2 X10 Y0 I5 J0 F100")[-1].number == 10730  # type: ignore[attr-defined]
     assert run("G26 Y4\nPOLY PO[X]=(10) PO[Y]=(0,-20) F100")[-1].number == 10730  # type: ignore[attr-defined]
+    assert run("G26 Y4\nBSPLINE X2 Y9 F9\nX4 Y9\nX6 Y9\nX8 Y0")[-1].number == 10730  # type: ignore[attr-defined]
+    assert run("G26 Y4\nCSPLINE X2 Y3.9 F9\nX4 Y3.9\nX6 Y0")[-1].number == 10730  # type: ignore[attr-defined]
     assert len(motions("G26 Y5.1\nG2 X10 Y0 I5 J0 F100\nPOLY PO[X]=(0) PO[Y]=(0,-20)")) == 2
 
 
