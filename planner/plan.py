@@ -23,6 +23,8 @@ from planner.report import plan_report
 from planner.shapes import kind_of, shape_passes
 from planner.surface.load import load_surface
 
+FINEST_PATH_MM = 1e-5
+
 
 @dataclass(frozen=True, slots=True)
 class Planned:
@@ -117,6 +119,9 @@ def _only_operation(job: Job, path: Path) -> Operation:
     if len(job.operation) > 1:
         raise refuse("more than one operation in a job", "plan each operation as a job of its own")
     operation = job.operation[0]
+    if operation.path_mm < FINEST_PATH_MM:
+        what = f"path_mm {operation.path_mm:g} is finer than {FINEST_PATH_MM:g}, which doubles hold over a part"
+        raise InputRejected(what, path=path, remedy="give a tolerance such as 0.001")
     if job.tool_of(operation).kind != "ball":
         raise refuse(f"a {job.tool_of(operation).kind} tool", "use a ball-end tool")
     if operation.strategy != "parallel":
