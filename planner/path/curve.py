@@ -114,7 +114,11 @@ class CurveTable:
 
     def nodes(self, rows: Sequence[int], count: int) -> Nodes:
         """These curves at `count` places each, (F4)."""
-        wanted = self.places(rows, count)
+        return self.at(rows, self.places(rows, count))
+
+    def at(self, rows: Sequence[int], arc_mm: Array) -> Nodes:
+        """These curves at arc lengths (p, m)."""
+        wanted, count = arc_mm, arc_mm.shape[1]
         keys = (wanted + self._base[list(rows), None]).ravel()
         at = np.maximum(np.searchsorted(self._keys, keys) - 1, np.repeat(self._first[list(rows)], count))
         width = self._keys[at + 1] - self._keys[at]
