@@ -166,7 +166,7 @@ def _preamble(state: State, heights: Heights, settings: Settings) -> Iterator[st
     modes = modal_blocks(state)
     assert modes is not None
     x, y, z = mapping_of(state, settings, is_suppressed=False).inverse_point(state.position_mm)
-    yield "G17 G40 G60 G71 G90 G94"
+    yield "G17 G40 G60 G710 G90 G94"
     if heights.retract_z_mm is not None:
         yield f"G0 SUPA Z{_text(heights.retract_z_mm)} D0"
     if state.tool:

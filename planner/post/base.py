@@ -18,7 +18,8 @@ class ControlLimits:
 
     `decimals` is the most decimals the control reads, None for no limit; `retract_z_mm` the machine (not work) height
     of a safe tool change, None where the program must not move to one; `min_spline_blocks` the least number of
-    successive BSPLINE blocks; `knot_rule_verified` whether somebody proved the knot rule at this control.
+    successive BSPLINE blocks; `knot_rule_verified` whether somebody proved the knot rule at this control. With
+    `is_inch` the program is in inches, and `decimals` counts those of inches.
     """
 
     resolution_mm: float = 0.001
@@ -66,7 +67,7 @@ def write_program(
     raise InputRejected(f"post.control {job.post.control} is not built yet", remedy='use "sinumerik-840d"')
 
 
-def rounding_budgets_mm(operation: Operation, tool_path: ToolPath) -> Array:
+def rounding_budgets_mm(path_mm: float, tool_path: ToolPath) -> Array:
     """What the numbers may add to each pass (passes,), mm: what its deviation left of `path_mm`, at least a tenth."""
     deviations_mm = np.array([one.deviation_mm for one in tool_path.passes])
-    return np.maximum(0.1 * operation.path_mm, operation.path_mm - deviations_mm)
+    return np.maximum(0.1 * path_mm, path_mm - deviations_mm)

@@ -7,11 +7,9 @@ pass G64 keeps to the written path. Blanks stand only where two names would run 
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,7 +24,9 @@ from planner.post.linear import linear_passes
 from planner.post.numbers import decimals_within, plain
 from planner.post.passtext import PassText
 from planner.post.poly import poly_passes
+from planner.post.sidecar import RestartRow, restart_row, sidecar
 from planner.post.stamp import Stamp
+from planner.post.units import INCH_MM, in_unit
 
 _FINEST_DECIMALS = 8
 _LONGEST_NAME = 24
@@ -37,8 +37,9 @@ class _Page:
     """The program as it grows: lines, the restart points, the counts."""
 
     numbers: str
+    unit_mm: float
     lines: list[str] = field(default_factory=list)
-    restart_points: list[dict[str, Any]] = field(default_factory=list)
+    restart_points: list[RestartRow] = field(default_factory=list)
     blocks: int = 0
     number: int = 0
     cutting_blocks: int = 0
@@ -47,6 +48,10 @@ class _Page:
 
     def comment(self, text: str) -> None:
         self._line(text)
+
+    def length(self, value_mm: float) -> str:
+        """A length or a feed of head, moves and tail in the program's unit."""
+        return plain(value_mm / self.unit_mm)
 
     def block(self, text: str, *, starts_pass: bool = False) -> None:
         if self.numbers == "all" or (starts_pass and self.numbers == "pass"):
@@ -71,10 +76,8 @@ def write_sinumerik(
     job: Job, operation: Operation, tool_path: ToolPath, control: ControlLimits, *, lift_mm: float
 ) -> Written:
     """The program for a SINUMERIK 840D; raises InputRejected where its language has no words for it."""
-    if control.is_inch:
-        raise InputRejected("inch programs are not built yet", remedy="set the machine to metric (G71)")
     texts = pass_texts(job, operation, tool_path, control)
-    page = _Page(job.post.numbers)
+    page = _Page(job.post.numbers, INCH_MM if control.is_inch else 1.0)
     _head(page, job, operation, control, lift_mm)
     for number, text in enumerate(texts, 1):
         if text.blocks:
@@ -87,15 +90,29 @@ def write_sinumerik(
         cutting_blocks=page.cutting_blocks,
         cutting_bytes=page.cutting_bytes,
         rounding_mm=_rounding_mm(tool_path, texts),
-        sidecar=_sidecar(job, operation, page, data, lift_mm),
+        sidecar=sidecar(
+            job,
+            operation,
+            program_name(job.post.name),
+            data,
+            [*_modes(control).split(), job.setup.work_offset],
+            page.restart_points,
+            lift_mm,
+        ),
         warnings=_warnings(operation, tool_path, texts, control),
     )
 
 
 def pass_texts(job: Job, operation: Operation, tool_path: ToolPath, control: ControlLimits) -> list[PassText]:
-    """The cutting blocks of every pass, in the way the job asks for."""
+    """The cutting blocks of every pass, in the way the job asks for, in the control's unit."""
+    unit_mm = INCH_MM if control.is_inch else 1.0
+    texts = _texts(job, operation.path_mm / unit_mm, in_unit(tool_path, unit_mm), control)
+    return [replace(text, rounding_mm=text.rounding_mm * unit_mm) for text in texts]
+
+
+def _texts(job: Job, path_mm: float, tool_path: ToolPath, control: ControlLimits) -> list[PassText]:
     drop_z_mm = tool_path.radius_mm if job.post.reference == "tip" else 0.0
-    budgets_mm = rounding_budgets_mm(operation, tool_path)
+    budgets_mm = rounding_budgets_mm(path_mm, tool_path)
     most = _FINEST_DECIMALS if control.decimals is None else control.decimals
     shapes = {type(one.shape) for one in tool_path.passes}
     fine = np.minimum(decimals_within(budgets_mm), most)
@@ -152,14 +169,19 @@ def program_name(name: str) -> str:
     return upper
 
 
+def _modes(control: ControlLimits) -> str:
+    """The modes of a program; G700 and G710 set the unit of feeds too, whatever the machine's basic system is."""
+    return f"G17 G40 G64 {'G700' if control.is_inch else 'G710'} G90 G94"
+
+
 def _head(page: _Page, job: Job, operation: Operation, control: ControlLimits, lift_mm: float) -> None:
     tool = job.tool_of(operation)
     name = program_name(job.post.name)
     page.comment(f"%_N_{name}_MPF")
     page.comment(";$PATH=/_N_MPF_DIR")
     page.comment(f";{_stamp(job, operation, lift_mm).text()}")
-    page.block("G17 G40 G64 G71 G90 G94")
-    page.block(f"TRANS Z{plain(lift_mm)}" if lift_mm else "TRANS")
+    page.block(_modes(control))
+    page.block(f"TRANS Z{page.length(lift_mm)}" if lift_mm else "TRANS")
     page.block(job.setup.work_offset)
     _retract(page, control)
     if control.has_tool_changer:
@@ -170,7 +192,7 @@ def _head(page: _Page, job: Job, operation: Operation, control: ControlLimits, l
         page.block("M0")
         page.block("MSG()")
     page.block(f"D{tool.edge}")
-    page.block(f"G0 Z{plain(job.setup.safe_z_mm)}")
+    page.block(f"G0 Z{page.length(job.setup.safe_z_mm)}")
     page.block(f"S{plain(operation.spindle_rpm)} M3")
     if operation.spindle_dwell_s:
         page.block(f"G4 F{plain(operation.spindle_dwell_s)}")
@@ -179,21 +201,30 @@ def _head(page: _Page, job: Job, operation: Operation, control: ControlLimits, l
 
 
 def _pass(page: _Page, job: Job, operation: Operation, number: int, text: PassText) -> None:
-    clearance = f"Z{plain(job.setup.clearance_z_mm)}"
+    clearance = f"Z{page.length(job.setup.clearance_z_mm)}"
     is_first = not page.restart_points
-    _restart_point(page, operation, number, text)
+    page.restart_points.append(
+        restart_row(
+            number=number,
+            block=page.number + 1 if page.numbers != "none" else None,
+            line=len(page.lines) + 1,
+            offset_bytes=page.length_bytes,
+            position_mm=[value * page.unit_mm for value in text.start.mm],
+            feed_mm_min=operation.cut_mm_min,
+        )
+    )
     page.block(f"G0{text.start.word(0)}{text.start.word(1)}", starts_pass=True)
     if is_first and job.setup.clearance_z_mm != job.setup.safe_z_mm:
         page.block(clearance)
-    page.block(f"G1G9{text.start.word(2)}F{plain(operation.plunge_mm_min)}")
-    feed = f"F{plain(operation.cut_mm_min)}" if operation.cut_mm_min != operation.plunge_mm_min else ""
+    page.block(f"G1G9{text.start.word(2)}F{page.length(operation.plunge_mm_min)}")
+    feed = f"F{page.length(operation.cut_mm_min)}" if operation.cut_mm_min != operation.plunge_mm_min else ""
     page.cut((text.blocks[0] + feed, *text.blocks[1:]))
     page.block(f"G0{clearance}")
 
 
 def _tail(page: _Page, job: Job, control: ControlLimits) -> None:
     if job.setup.safe_z_mm != job.setup.clearance_z_mm:
-        page.block(f"Z{plain(job.setup.safe_z_mm)}")
+        page.block(f"Z{page.length(job.setup.safe_z_mm)}")
     page.block("M9")
     page.block("M5")
     _retract(page, control)
@@ -202,7 +233,7 @@ def _tail(page: _Page, job: Job, control: ControlLimits) -> None:
 
 def _retract(page: _Page, control: ControlLimits) -> None:
     if control.retract_z_mm is not None:
-        page.block(f"G0 SUPA Z{plain(control.retract_z_mm)} D0")
+        page.block(f"G0 SUPA Z{page.length(control.retract_z_mm)} D0")
 
 
 def _stamp(job: Job, operation: Operation, lift_mm: float) -> Stamp:
@@ -210,46 +241,6 @@ def _stamp(job: Job, operation: Operation, lift_mm: float) -> Stamp:
     return Stamp(
         job.post.control, job.post.reference, tool.radius_mm, tool.number, tool.edge, operation.path_mm, lift_mm
     )
-
-
-def _restart_point(page: _Page, operation: Operation, number: int, text: PassText) -> None:
-    page.restart_points.append(
-        {
-            "pass": number,
-            "block": page.number + 1 if page.numbers != "none" else None,
-            "line": len(page.lines) + 1,
-            "offset_bytes": page.length_bytes,
-            "position_mm": list(text.start.mm),
-            "feed_mm_min": operation.cut_mm_min,
-        }
-    )
-
-
-def _sidecar(job: Job, operation: Operation, page: _Page, data: bytes, lift_mm: float) -> dict[str, Any]:
-    tool = job.tool_of(operation)
-    return {
-        "schema": "dripmill.sidecar",
-        "version": 1,
-        "program": program_name(job.post.name),
-        "sha256": hashlib.sha256(data).hexdigest(),
-        "control": job.post.control,
-        "reference": job.post.reference,
-        "radius_mm": tool.radius_mm,
-        "path_mm": operation.path_mm,
-        "lift_mm": lift_mm,
-        "state": {
-            "modal": ["G17", "G40", "G64", "G71", "G90", "G94", job.setup.work_offset],
-            "tool": tool.number,
-            "edge": tool.edge,
-            "spindle_rpm": operation.spindle_rpm,
-            "spindle_dwell_s": operation.spindle_dwell_s,
-            "coolant": operation.coolant,
-            "plunge_mm_min": operation.plunge_mm_min,
-            "clearance_z_mm": job.setup.clearance_z_mm,
-            "safe_z_mm": job.setup.safe_z_mm,
-        },
-        "restart_points": page.restart_points,
-    }
 
 
 def _warnings(

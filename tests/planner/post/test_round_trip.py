@@ -120,6 +120,23 @@ def test_arcs_come_back(seed: int, count: int, angle_rad: float) -> None:
     check_round_trip(path, written)
 
 
+@pytest.mark.parametrize("blocks", ["poly", "bspline", "linear", "arcs"])
+def test_inch_programs_come_back_in_mm(blocks: str) -> None:
+    """An inch machine reads the same path, feeds and heights (6.8)."""
+    shapes = {"linear": [polyline(1), polyline(2)], "arcs": [arcs(1), arcs(2)]}
+    path = tool_path(shapes.get(blocks, [spline(1), spline(2)]))
+    inch = ControlLimits(retract_z_mm=400.0, is_inch=True)
+    written = write(path, inch, blocks=blocks)
+    check_round_trip(path, written)
+    commands = list(interpret(written.data))
+    feeds = {round(one.feed_mm_min, 1) for one in commands if isinstance(one, (canon.Line, canon.Polynomial))}
+    assert feeds == {100.0, 250.0} or blocks == "arcs"
+    heights = {round(one.end[2], 1) for one in commands if isinstance(one, canon.Rapid)}
+    assert heights == {400.0, 50.0, 10.0}
+    first = written.sidecar["restart_points"][0]["position_mm"]
+    assert first == pytest.approx(exact_points(path.passes[0], 4.0)[0], abs=1e-4)
+
+
 def test_the_other_knot_rule_comes_back_at_a_control_of_that_rule() -> None:
     """(2.3)"""
     path = tool_path([spline(1, inner=3)])

@@ -31,7 +31,7 @@ def test_whole_program_of_two_passes() -> None:
         "%_N_5000_MPF",
         ";$PATH=/_N_MPF_DIR",
         ";DRIPMILL CONTROL=sinumerik-840d REFERENCE=tip R=4 T=2 D=1 TOLERANCE=0.001",
-        "G17 G40 G64 G71 G90 G94",
+        "G17 G40 G64 G710 G90 G94",
         "TRANS",
         "G54",
         "G0 SUPA Z400 D0",
