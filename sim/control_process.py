@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import gc
+import json
 import select
 import signal
 import socket
@@ -20,10 +21,11 @@ from sim.endpoint_modbus import ModbusEnd
 from sim.live import LiveMill
 from sim.messages import Failed, Finish, Heard, Ready, Result, Start, Wire
 from sim.mill import rehearse
-from sim.motion_log import MotionLog
+from sim.motion.machine import Samples
+from sim.motion_log import MotionLog, Peaks
 from sim.nominal import Nominal, load_nominal
 from sim.setup import Setup
-from sim.tool import BallTool
+from sim.tool import tool_of
 
 TICK_WALL_S = 0.002
 PANEL_WALL_S = 0.1
@@ -46,8 +48,17 @@ def run_control(end: socket.socket, setup: Setup) -> None:
 def _work(wire: Wire, setup: Setup) -> None:
     nominal = None if setup.nominal is None else load_nominal(setup.nominal)
     rehearse(b"G1 X1 F100\nX2\nM30\n", setup.profile)
-    log = None if setup.motion is None else MotionLog(setup.motion)
-    mill = LiveMill(setup.profile, setup.faults, log.add if log is not None else lambda _: None)
+    is_centre = nominal is not None and nominal.reference == "centre"
+    below_mm = nominal.cutter.corner_mm if nominal is not None and is_centre else 0.0
+    log = None if setup.motion is None else MotionLog(setup.motion, below_mm)
+    peaks = Peaks()
+
+    def keep(samples: Samples) -> None:
+        peaks.add(samples)
+        if log is not None:
+            log.add(samples)
+
+    mill = LiveMill(setup.profile, setup.faults, keep)
     modbus = _serve_modbus(setup)
     modbus.show(mill.panel())
     try:
@@ -60,7 +71,8 @@ def _work(wire: Wire, setup: Setup) -> None:
         if log is not None:
             log.close()
     if not wire.is_closed:
-        wire.send(Result(_report(mill, nominal, setup)))
+        report = _report(mill, peaks) | _measured(mill, nominal, setup)
+        wire.send(Result(json.dumps(report, default=float)))
 
 
 def _serve_modbus(setup: Setup) -> ModbusEnd:
@@ -101,11 +113,11 @@ def _live(wire: Wire, mill: LiveMill, modbus: ModbusEnd, speed: float) -> None:
         is_over |= wire.is_closed
 
 
-def _report(mill: LiveMill, nominal: Nominal | None, setup: Setup) -> dict[str, Any]:
-    """The control's half of the report; draws the deviation map where one is wanted."""
+def _report(mill: LiveMill, peaks: Peaks) -> dict[str, Any]:
+    """The control's half of the report."""
     starved = mill.machine.starved
     ended_s = mill.machine.time_s if mill.completed_s is None else mill.completed_s
-    report: dict[str, Any] = {
+    return {
         "is_completed": mill.completed_s is not None,
         "execution": mill.control.execution.name,
         "blocks": mill.blocks,
@@ -114,6 +126,8 @@ def _report(mill: LiveMill, nominal: Nominal | None, setup: Setup) -> dict[str, 
             for at_s, alarm in mill.alarms
         ],
         "machining_time_s": 0.0 if mill.begun_s is None else ended_s - mill.begun_s,
+        "peak_acceleration_mm_s2": peaks.acceleration_mm_s2,
+        "peak_jerk_mm_s3": peaks.jerk_mm_s3,
         "starved_s": sum(one.duration_s for one in starved),
         "starved": [dataclasses.asdict(one) for one in starved],
         "happenings": [
@@ -121,17 +135,21 @@ def _report(mill: LiveMill, nominal: Nominal | None, setup: Setup) -> dict[str, 
             for at_s, happening, execution in mill.control.history
         ],
     }
-    if nominal is not None:
-        verdict = judge(
-            nominal,
-            BallTool(nominal.cutter.radius_mm),
-            mill.machine.travelled,
-            reference=nominal.reference,
-            probe_pitch_mm=setup.probe_pitch_mm,
-        )
-        report |= verdict.report()
-        if setup.plot is not None:
-            from sim.plot import plot_deviation
 
-            plot_deviation(verdict, setup.plot)
-    return report
+
+def _measured(mill: LiveMill, nominal: Nominal | None, setup: Setup) -> dict[str, Any]:
+    """What the cut part measures, as keys of the report; draws the deviation map where one is wanted."""
+    if nominal is None:
+        return {}
+    verdict = judge(
+        nominal,
+        tool_of(nominal.cutter),
+        mill.machine.travelled,
+        reference=nominal.reference,
+        probe_pitch_mm=setup.probe_pitch_mm,
+    )
+    if setup.plot is not None:
+        from sim.plot import plot_deviation
+
+        plot_deviation(verdict, setup.plot)
+    return verdict.report()

@@ -79,7 +79,6 @@ class LineProcess:
         self.pty, self.uart, self.wire, self.clock, self.patience = pty, uart, wire, clock, patience
         self.hold_ups = HoldUps(patience.spin_s)
         self.is_completed = self.is_real_time = False
-        self.result: dict[str, Any] | None = None
         self._sha256 = hashlib.sha256()
         self._unsent = bytearray()
         self._forward_s = 0.0
@@ -202,11 +201,9 @@ class LineProcess:
                 case Completed():
                     self.is_completed = True
                     self._last_byte_s = time.monotonic()
-                case Result(report):
-                    self.result = report
                 case Failed(sentence, _):
                     raise UserError(sentence)
-                case Ready() | Start() | Heard() | Finish():
+                case Ready() | Start() | Heard() | Finish() | Result():
                     pass
                 case _:
                     self.uart.obey(message, self.clock.now_s())

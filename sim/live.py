@@ -15,7 +15,7 @@ from sim.faults import Faults, Moment
 from sim.interpreter import canon
 from sim.interpreter.run import Interpreter
 from sim.messages import Began, BrokeOff, Completed, Heard, Order, Power, StopReading, Took
-from sim.mill import settings_of
+from sim.mill import settings_of, standing_at
 from sim.motion.machine import Machine, MachineState, Samples
 from sim.panel import Panel
 from sim.profile import MillProfile
@@ -59,7 +59,10 @@ class LiveMill:
         self.blocks = 0
         self.begun_s: float | None = None
         self.completed_s: float | None = None
-        self._interpreter = Interpreter(settings_of(profile, is_drip_fed=True))
+        settings = settings_of(profile, is_drip_fed=True)
+        self._interpreter = Interpreter(settings)
+        self._start_mm = settings.start_mm
+        self._has_moved = False
         self._log = log
         self._tape = bytearray()
         self._line = 0
@@ -94,6 +97,8 @@ class LiveMill:
             self._prepare(now_s)
             samples = self.machine.advance(now_s)
             if len(samples.t_s):
+                if not self._has_moved:
+                    samples, self._has_moved = standing_at(samples, self._start_mm)
                 self._log(samples)
             self._follow(now_s)
             self._now_s = now_s
@@ -113,7 +118,7 @@ class LiveMill:
             alarm_number=self.control.alarm_number,
             feed_override_percent=seen.override_percent,
             block=self._block,
-            position_mm=seen.position_mm,
+            position_mm=seen.position_mm if self._has_moved else self._start_mm,
             distance_to_go_mm=seen.distance_to_go_mm,
             feed_mm_min=seen.feed_mm_min,
             spindle_rpm=seen.spindle_rpm,

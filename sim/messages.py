@@ -7,7 +7,6 @@ run as two processes joined by a socket pair. In tests the same values pass by p
 from __future__ import annotations
 
 import socket
-from typing import Any
 
 import msgspec
 
@@ -74,9 +73,9 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
 
 
 class Result(msgspec.Struct, frozen=True, tag=True):
-    """From the control: its part of the report."""
+    """From the control: its part of the report, as JSON."""
 
-    report: dict[str, Any]
+    report: str
 
 
 Order = Took | Began | StopReading | BrokeOff | Power | Completed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,18 +52,35 @@ def rehearse(data: bytes, profile: MillProfile, *, override_percent: float = 100
     while machine.snapshot().state in _WAITS_FOR_OPERATOR:
         machine.cycle_start()
         parts.append(machine.advance(math.inf))
+    travelled = machine.travelled
+    samples = _joined(parts)
+    if travelled:
+        samples, _ = standing_at(samples, travelled[0].start)
     last_line = max((command.line for command in commands if isinstance(command, canon.End | canon.Alarm)), default=0)
     lines = data.split(b"\n")[: last_line or None]
     return Recording(
         commands=commands,
-        samples=_joined(parts),
-        travelled=machine.travelled,
+        samples=samples,
+        travelled=travelled,
         starved=machine.starved,
         alarms=[command for command in commands if isinstance(command, canon.Alarm)],
         machining_time_s=machine.time_s,
         blocks=sum(1 for line in lines if line.strip()),
         is_completed=machine.snapshot().state is MachineState.COMPLETED,
     )
+
+
+def standing_at(samples: Samples, start: canon.Vector) -> tuple[Samples, bool]:
+    """The log with the place of the first motion's start for the time before it, and whether the axes have moved.
+
+    The machine learns where it stands from its first motion; until then its log says zero.
+    """
+    is_away = np.any(samples.position_mm != 0.0, axis=1)
+    has_moved = bool(is_away.any())
+    lead = int(np.argmax(is_away)) if has_moved else len(is_away)
+    position_mm = samples.position_mm.copy()
+    position_mm[:lead] = start
+    return replace(samples, position_mm=position_mm), has_moved
 
 
 def _joined(parts: Sequence[Samples]) -> Samples:

@@ -64,7 +64,7 @@ def run_mill(setup: Setup, wishes: Wishes, announce: Callable[[dict[str, Any]], 
         wire.send(Finish())
         result = _wait_for(wire, child, Result, _RESULT_S, None)
         if wishes.report is not None and result is not None:
-            _write(wishes.report, {**_heading(setup, wishes), **report, **result.report})
+            _write(wishes.report, {**_heading(setup, wishes), **report, **json.loads(result.report)})
         return int(ExitCode.OK) if is_over else stop.exit_code()
 
 
