@@ -46,15 +46,18 @@ class Collection:
     counts: Counter[str] = field(default_factory=Counter)
     severities: Counter[Severity] = field(default_factory=Counter)
 
-    def add(self, found: Iterable[Finding], line: int = 0, block: int | None = None) -> None:
-        """Keep these findings, or count them where there are enough of a kind; those at `line` belong to `block`."""
+    def add(self, found: Iterable[Finding]) -> None:
+        """Keep these findings, or count them where there are enough of a kind."""
         for finding in found:
-            if finding.line == line and block is not None:
-                finding = replace(finding, block=block)
-            self.counts[finding.id] += 1
-            self.severities[finding.severity] += 1
-            if self.counts[finding.id] <= self.most_per_id:
-                self.findings.append(finding)
+            self.keep(finding)
+
+    def keep(self, finding: Finding, line: int = 0, block: int | None = None) -> None:
+        """Keep or count one finding; one at `line` belongs to `block`."""
+        self.counts[finding.id] += 1
+        self.severities[finding.severity] += 1
+        if self.counts[finding.id] <= self.most_per_id:
+            is_here = finding.line == line and block is not None
+            self.findings.append(replace(finding, block=block) if is_here else finding)
 
     @property
     def has_errors(self) -> bool:

@@ -193,7 +193,9 @@ def steep_plunge(command: canon.Command, track: Track) -> Iterator[Finding]:
         )
 
 
-COMMAND_RULES: tuple[CommandRule, ...] = (
-    alarm, rapid_z_and_xy, rapid_below, rapid_through_stock, without_spindle_or_tool, no_dwell, reversal,
-    axis_limit, steep_plunge,
-)  # fmt: skip
+_FEED_RULES: tuple[CommandRule, ...] = (without_spindle_or_tool, no_dwell, reversal, axis_limit, steep_plunge)
+COMMAND_RULES: dict[type[canon.Command], tuple[CommandRule, ...]] = {
+    canon.Alarm: (alarm,),
+    canon.Rapid: (rapid_z_and_xy, rapid_below, rapid_through_stock, axis_limit),
+    **dict.fromkeys(_FEEDS, _FEED_RULES),
+}

@@ -4,6 +4,7 @@ motion rules, at constant memory. After an alarm the refused block is left out a
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -12,9 +13,9 @@ from dnc.check.finding import Collection, Finding, Severity
 from dnc.check.motion_rules import COMMAND_RULES
 from dnc.check.program_rules import END_RULES, not_checked, wrong_stamp
 from dnc.check.rate import RateWindow, move_time_s, rate_findings
-from dnc.check.text_rules import LINE_RULES, UTF8_MARK, UTF16_MARKS, encoding_mark
+from dnc.check.text_rules import LINE_RULES, UTF8_MARK, UTF16_MARKS, encoding_mark, is_clean
 from dnc.check.track import Limits, Track
-from dnc.check.word_rules import BLOCK_RULES, idle_words, iso_comment
+from dnc.check.word_rules import BLOCK_RULES, NUMBER_RULES, idle_words, iso_comment
 from dnc.errors import InputRejected
 from dnc.restart import resumed_interpreter
 from planner.gcode import Block, SyntaxProblem, read_block
@@ -25,6 +26,7 @@ from sim.interpreter.settings import Settings
 
 _LINE_LIMIT_BYTES = 65536
 _STAMP_LINES = 10
+_PLAIN = re.compile(rb"(?:N(\d{1,8}) ?)?(G0?1 ?)?(?:[XYZF]-?(?:\d+\.?\d*|\.\d+) ?)+")
 _MOST_ALARMS = 100
 Progress = Callable[[int], None]
 Watch = Callable[[canon.Command], None]
@@ -49,21 +51,24 @@ class Check:
         """Check one line, its end attached."""
         self.track.lines = number
         self._errors_here = False
-        for line_rule in LINE_RULES:
-            self._add(line_rule(raw, number, self.limits), number, None)
+        if not is_clean(raw, number, self.limits):
+            for line_rule in LINE_RULES:
+                self._add(line_rule(raw, number, self.limits), number, None)
         if number <= _STAMP_LINES:
             stamp = read_stamp(raw)
             if stamp is not None:
                 self._add(wrong_stamp(stamp, number, self.limits), number, None)
         body = raw.rstrip(b"\r\n").removeprefix(UTF8_MARK)
-        block = self._block(body, number)
+        if not self._plain(body, number):
+            self._block(body, number)
         if self._interpreter is None:
             return
         self._sizes.append((number, len(raw)))
         commands = self._interpreter.block(body, number)
-        if block is not None and not commands:
-            self._add(idle_words(block, self.track), number, block.number)
-        self._commands(commands)
+        if commands:
+            self._commands(commands)
+        else:
+            self._idle(body, number)
 
     def finish(self) -> Collection:
         """The findings, those of the whole program included."""
@@ -82,25 +87,46 @@ class Check:
     def _add(self, found: Iterable[Finding], line: int, block: int | None) -> None:
         for finding in found:
             self._errors_here |= finding.severity is Severity.ERROR
-            self.found.add([finding], line, block)
+            self.found.keep(finding, line, block)
 
-    def _block(self, body: bytes, number: int) -> Block | None:
+    def _plain(self, body: bytes, line: int) -> bool:
+        """A block of plain coordinates, which only its number can make wrong; False for any other."""
+        found = _PLAIN.fullmatch(body)
+        if found is None or self.track.motion_code == "BSPLINE":
+            return False
+        number = int(found[1]) if found[1] else None
+        if number is not None:
+            block = Block(line, number)
+            for rule in NUMBER_RULES:
+                self._add(rule(block, self.track), line, number)
+        self.track.see_plain(number, line, is_cut=found[2] is not None)
+        return True
+
+    def _block(self, body: bytes, number: int) -> None:
         text = body.decode("latin-1")
         try:
             block = read_block(text, number)
         except SyntaxProblem:
             self._add(iso_comment(text, number), number, None)
-            return None  # otherwise the interpreter tells it, as an alarm
+            return  # otherwise the interpreter tells it, as an alarm
         for rule in BLOCK_RULES:
             self._add(rule(block, self.track), number, block.number)
         self.track.see_block(block)
-        return block
+
+    def _idle(self, body: bytes, number: int) -> None:
+        """A block that gave no command: perhaps coordinates of where the tool stands."""
+        try:
+            block = read_block(body.decode("latin-1"), number)
+        except SyntaxProblem:
+            return
+        self._add(idle_words(block, self.track), number, block.number)
 
     def _commands(self, commands: list[canon.Command]) -> None:
         for command in commands:
             is_told = isinstance(command, canon.Alarm) and self._errors_here
-            for rule in () if is_told else COMMAND_RULES:
-                self.found.add(rule(command, self.track), command.line, command.block)
+            for rule in () if is_told else COMMAND_RULES.get(type(command), ()):
+                for finding in rule(command, self.track):
+                    self.found.keep(finding, command.line, command.block)
             self.track.see_command(command)
             self._time(command)
             if self._watch is not None:

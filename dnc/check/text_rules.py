@@ -92,4 +92,11 @@ def long_line(raw: bytes, line: int, limits: Limits) -> Iterator[Finding]:
         )
 
 
+def is_clean(raw: bytes, line: int, limits: Limits) -> bool:
+    """Whether no rule of this file can find anything, told quickly."""
+    control, name = limits.profile.control, limits.profile.tape.character_set
+    most = DIALECTS[control.dialect].max_block_characters
+    return line > 1 and len(raw) < most and not raw.translate(None, CHARACTER_SETS[name])
+
+
 LINE_RULES: tuple[LineRule, ...] = (encoding_mark, control_byte, foreign_character, long_line)

@@ -101,6 +101,17 @@ class Track:
             self.after_end_line = block.line
         self._see_splines(block)
 
+    def see_plain(self, number: int | None, line: int, *, is_cut: bool) -> None:
+        """Take a block of plain coordinates into account, outside of BSPLINE; `is_cut` where it says G1."""
+        if number is not None:
+            self.numbers.add(number)
+            self.last_number = number
+        self.blocks += 1
+        if self.end_line is not None and self.after_end_line is None:
+            self.after_end_line = line
+        if is_cut:
+            self.motion_code = "G1"
+
     def _see_header(self, block: Block) -> None:
         if block.header == "" and self.blocks:
             self.stray_percent_line = self.stray_percent_line or block.line

@@ -205,9 +205,9 @@ def _spelled(word: Word) -> str | None:
     return "G05" if word.text in ("05", "5") else code_of(word)
 
 
+NUMBER_RULES: tuple[BlockRule, ...] = (number_twice, number_descends)
 BLOCK_RULES: tuple[BlockRule, ...] = (
-    number_twice,
-    number_descends,
+    *NUMBER_RULES,
     other_dialect,
     empty_motion,
     unit_switch,
