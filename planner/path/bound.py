@@ -15,7 +15,7 @@ import numpy as np
 from planner.path.curve import ExactCurve, exact_at
 from planner.path.model import Array, Method, PlaneSpline
 from planner.path.plane_spline import Index
-from planner.path.slope_range import SlopeSource, slope_source
+from planner.path.slope_range import SampledSlopes, SlopeSource, slope_source
 from planner.path.spline_table import SplineTable
 
 ROUNDS = 8
@@ -56,9 +56,23 @@ def certify(curve: ExactCurve, spline: PlaneSpline) -> tuple[float, Method]:
 def certify_all(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline]) -> list[tuple[float, Method]]:
     """A bound for every pair of curve and spline, worked through together; infinite where none could be given.
 
-    PROVED rests on (F10) to (F13), to the rounding of doubles; SAMPLED estimates the change of curvature from nodes.
+    PROVED rests on (F10) to (F15), to the rounding of doubles; SAMPLED estimates the change of curvature from nodes.
     """
-    table, source = SplineTable(splines), slope_source(curves)
+    source = slope_source(curves)
+    bounds = _bounds(curves, splines, source)
+    open_ = np.flatnonzero(np.isinf(bounds)) if source.method is Method.PROVED else []
+    found = [(float(bound), source.method) for bound in bounds]
+    if len(open_):
+        some = [curves[row] for row in open_]
+        again = _bounds(some, [splines[row] for row in open_], SampledSlopes(some))
+        for row, bound in zip(open_, again, strict=True):
+            found[row] = float(bound), Method.SAMPLED
+    return found
+
+
+def _bounds(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline], source: SlopeSource) -> Array:
+    """Bounds (p,), mm, with nodes added where they make a bound smaller."""
+    table = SplineTable(splines)
     rows = np.repeat(np.arange(len(curves)), [curve.arc_mm.size for curve in curves])
     arc = np.concatenate([curve.arc_mm - curve.arc_mm[0] for curve in curves])
     marks = _mark(table, rows, arc, table.parameters_at(rows, arc), curves)
@@ -78,7 +92,7 @@ def certify_all(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline]) ->
         left, right = left.take(chosen), right.take(chosen)
         middle = _mark(table, left.rows, 0.5 * (left.arc_mm + right.arc_mm), 0.5 * (left.feet + right.feet), curves)
         left, right = left.joined(middle), middle.joined(right)
-    return [(float(value), source.method) for value in total]
+    return total
 
 
 def _mark(table: SplineTable, rows: Index, arc_mm: Array, near: Array, curves: Sequence[ExactCurve]) -> _Marks:

@@ -10,6 +10,8 @@ import numpy as np
 from planner.path.curve import ExactCurve
 from planner.path.model import Array, Method
 from planner.path.plane_spline import Index
+from planner.path.slope_table import slope_table
+from planner.path.trace import TracedCurve
 
 
 class SlopeSource(Protocol):
@@ -31,10 +33,59 @@ class EnclosedCurve(Protocol):
 
 def slope_source(curves: Sequence[ExactCurve]) -> SlopeSource:
     """The best source for these curves."""
+    traced = [curve for curve in curves if isinstance(curve, TracedCurve)]
+    if len(traced) == len(curves) and _share_a_polynomial_patch(traced):
+        return PatchSlopes(traced)
     own = [curve for curve in curves if isinstance(curve, EnclosedCurve)]
     if len(own) == len(curves):
         return OwnSlopes(own)
     return SampledSlopes(curves)
+
+
+def _share_a_polynomial_patch(curves: Sequence[TracedCurve]) -> bool:
+    surface = curves[0].surface
+    return surface.patch.weights is None and all(curve.surface is surface for curve in curves)
+
+
+class PatchSlopes:
+    """Traced curves of one polynomial patch, enclosed through the patch's own derivatives, (F14) and (F15)."""
+
+    method = Method.PROVED
+
+    def __init__(self, curves: Sequence[TracedCurve]) -> None:
+        self._table = slope_table(curves[0].surface)
+        lengths = np.array([curve.arc_mm[-1] for curve in curves])
+        self._base = np.cumsum(lengths + 1.0) - lengths
+        counts = np.array([curve.arc_mm.size for curve in curves])
+        self._first, self._last = np.cumsum(counts) - counts, np.cumsum(counts) - 2
+        self._keys = np.concatenate([curve.arc_mm + base for curve, base in zip(curves, self._base, strict=True)])
+        self._parameters = np.concatenate([curve.parameters for curve in curves]).T
+
+    def enclose(self, rows: Index, left_mm: Array, right_mm: Array) -> tuple[Array, Array]:
+        """The range over the patch where the curve can be between these places; all numbers where that is unknown."""
+        middle = 0.5 * (left_mm + right_mm) + self._base[rows]
+        node = np.clip(np.searchsorted(self._keys, middle, side="right") - 1, self._first[rows], self._last[rows])
+        start, stop = self._parameters[:, node], self._parameters[:, node + 1]
+        width = self._keys[node + 1] - self._keys[node]
+        sizes = self._table.sizes[:, None]
+        room = 0.6 * np.abs(stop - start) + 0.25 * sizes * (np.abs(stop - start) / sizes).max(axis=0)
+        low, high = np.minimum(start, stop) - room, np.maximum(start, stop) + room
+        speeds = [self._table.over(speed, low, high) for speed in (self._table.u_speed, self._table.v_speed)]
+        least, most = np.stack([speed.low for speed in speeds]), np.stack([speed.high for speed in speeds])
+        # Every point is within half the width of a node, so the curve cannot have left the box it was assumed in.
+        is_inside = (np.maximum(np.abs(least), np.abs(most)) * 0.51 * width <= room).all(axis=0)
+        least, most = np.where(is_inside, least, 0.0), np.where(is_inside, most, 0.0)
+        on = np.stack([left_mm + self._base[rows] - self._keys[node], right_mm + self._base[rows] - self._keys[node]])
+        back = width - on
+        low = np.maximum(
+            (start + np.minimum(least * on[0], least * on[1])), stop - np.maximum(most * back[0], most * back[1])
+        )
+        high = np.minimum(
+            start + np.maximum(most * on[0], most * on[1]), stop - np.minimum(least * back[0], least * back[1])
+        )
+        slack = 1e-3 * room
+        slope = self._table.over(self._table.slope, low - slack, high + slack)
+        return np.where(is_inside, slope.low, -np.inf), np.where(is_inside, slope.high, np.inf)
 
 
 class OwnSlopes:

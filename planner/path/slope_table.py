@@ -1,0 +1,161 @@
+"""Enclosures, cell by cell of a patch, of how fast passes across it bend: equation (F14) in ranges.
+
+For every cell: the least and largest d(curvature)/d(arc length) that any pass y = const through the cell can have
+there, and the same for its parameters' speeds u' and v'.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+
+from planner.path.interval import Range, cross, dot
+from planner.path.model import Array
+from planner.path.offset import OffsetSurface
+from planner.path.plane_spline import Index
+from planner.surface.bspline import SpanBasis
+
+MOST_CELLS = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class SlopeTable:
+    """Cells between `u_edges` (i + 1,) and `v_edges` (j + 1,); `slope`, `u_speed`, `v_speed` are ranges (i, j)."""
+
+    u_edges: Array
+    v_edges: Array
+    slope: Range
+    u_speed: Range
+    v_speed: Range
+
+    @property
+    def sizes(self) -> Array:
+        """How far the cells reach in u and in v, (2,)."""
+        return np.array([np.ptp(self.u_edges), np.ptp(self.v_edges)])
+
+    def over(self, what: Range, low: Array, high: Array) -> Range:
+        """The range of `what` over boxes from low (2, k) to high (2, k) of (u, v); all numbers beyond the cells."""
+        first, last = [], []
+        for axis, edges in ((0, self.u_edges), (1, self.v_edges)):
+            first.append(np.searchsorted(edges, low[axis], side="left") - 1)
+            last.append(np.searchsorted(edges, high[axis], side="right") - 1)
+        shape = what.low.shape
+        is_inside = (first[0] >= 0) & (first[1] >= 0) & (last[0] < shape[0]) & (last[1] < shape[1])
+        least, most = np.full(low.shape[1], np.inf), np.full(low.shape[1], -np.inf)
+        for i in range(int((last[0] - first[0])[is_inside].max(initial=0)) + 1):
+            for j in range(int((last[1] - first[1])[is_inside].max(initial=0)) + 1):
+                at = np.flatnonzero(is_inside & (first[0] + i <= last[0]) & (first[1] + j <= last[1]))
+                cell = first[0][at] + i, first[1][at] + j
+                least[at] = np.minimum(least[at], what.low[cell])
+                most[at] = np.maximum(most[at], what.high[cell])
+        return Range(np.where(is_inside, least, -np.inf), np.where(is_inside, most, np.inf))
+
+
+def slope_table(surface: OffsetSurface) -> SlopeTable:
+    """The table of a polynomial patch, its end polynomials carried on by one span's width on every side."""
+    patch = surface.patch
+    a_span = int(np.clip(np.sqrt(MOST_CELLS / (len(patch.basis_u.starts) * len(patch.basis_v.starts))), 1, 24))
+    in_u, in_v = _cells(patch.basis_u, a_span), _cells(patch.basis_v, a_span)
+    reach_u = patch.basis_u.first[in_u.span][:, None] + np.arange(patch.degree_u + 1)
+    reach_v = patch.basis_v.first[in_v.span][:, None] + np.arange(patch.degree_v + 1)
+    half = np.einsum("cia,cad->cid", in_u.weights, patch.control_points[reach_u].reshape(*reach_u.shape, -1))
+    half = half.reshape(len(reach_u), patch.degree_u + 1, *patch.control_points.shape[1:])
+    nets = np.einsum("ejb,cieb...->ceij...", in_v.weights, half[:, :, reach_v])
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        slope, u_speed, v_speed = _bend_rates(surface, nets, in_u.widths[:, None], in_v.widths[None, :])
+    return SlopeTable(in_u.edges, in_v.edges, _widened(slope), _widened(u_speed), _widened(v_speed))
+
+
+@dataclass(frozen=True, slots=True)
+class _Cells:
+    """Cells of one direction: `edges` (c + 1,), the `span` each lies on, `weights` (c, i, a) of the span's control
+    points a in the cell's own Bernstein points i, and its `widths`.
+    """
+
+    edges: Array
+    span: Index
+    weights: Array
+
+    @property
+    def widths(self) -> Array:
+        """Width of each cell."""
+        return np.diff(self.edges)
+
+
+def _cells(basis: SpanBasis, a_span: int) -> _Cells:
+    spans = np.concatenate([[0], np.arange(len(basis.starts)), [len(basis.starts) - 1]])
+    starts = basis.starts[spans] + np.concatenate([[-1.0], np.zeros(len(spans) - 2), [1.0]]) * basis.widths[spans]
+    shares = np.arange(a_span) / a_span
+    edges = np.append((starts[:, None] + basis.widths[spans][:, None] * shares).ravel(), starts[-1] + basis.widths[-1])
+    span = np.repeat(spans, a_span)
+    from_ = (edges[:-1] - basis.starts[span]) / basis.widths[span]
+    size = np.diff(edges) / basis.widths[span]
+    degree = basis.degree
+    moved = np.zeros((len(span), degree + 1, degree + 1))
+    for i in range(degree + 1):
+        for k in range(i + 1):
+            moved[:, k, i] = comb(i, k) * from_ ** (i - k) * size**k
+    bernstein = np.array([[comb(j, k) / comb(degree, k) for k in range(degree + 1)] for j in range(degree + 1)])
+    return _Cells(edges, span, np.einsum("jk,cki,cai->cja", bernstein, moved, basis.powers[span]))
+
+
+def _derivative(nets: Array, by_u: int, by_v: int, u_width: Array, v_width: Array) -> Range:
+    """The range (3, i, j) of a derivative, from the Bernstein points (i, j, p + 1, q + 1, 3) of the cells."""
+    for _ in range(by_u):
+        nets = (nets.shape[2] - 1) * np.diff(nets, axis=2) / u_width[..., None, None, None]
+    for _ in range(by_v):
+        nets = (nets.shape[3] - 1) * np.diff(nets, axis=3) / v_width[..., None, None, None]
+    if 0 in nets.shape:
+        zero = np.zeros((3, *nets.shape[:2]))
+        return Range(zero, zero)
+    return Range(np.moveaxis(nets.min(axis=(2, 3)), -1, 0), np.moveaxis(nets.max(axis=(2, 3)), -1, 0))
+
+
+def _bend_rates(surface: OffsetSurface, nets: Array, u_width: Array, v_width: Array) -> tuple[Range, Range, Range]:
+    """d(curvature)/ds, u' and v' of passes through each cell, (F14)."""
+
+    def of(by_u: int, by_v: int) -> Range:
+        return _derivative(nets, by_u, by_v, u_width, v_width)
+
+    reach = surface.radius_mm + surface.stock_mm
+    q_u, q_v, q_uu, q_uv, q_vv = of(1, 0), of(0, 1), of(2, 0), of(1, 1), of(0, 2)
+    long = cross(q_u, q_v).times(surface.side)
+    shrink = Range(*(np.sum(end, axis=0) for end in _ends(long.square()))).root().inverse()
+    normal = _clipped(long * shrink)
+    turns = []
+    for bent in (cross(q_uu, q_v) + cross(q_u, q_uv), cross(q_uv, q_v) + cross(q_u, q_vv)):
+        bent = bent.times(surface.side)
+        turns.append((bent - dot(bent, normal) * normal) * shrink)
+    c_u, c_v = q_u + turns[0].times(reach), q_v + turns[1].times(reach)
+    flat = (Range(np.ones_like(normal.low[1]), np.ones_like(normal.low[1])) - normal.part(1).square()).root()
+    spread = flat.inverse()
+    cosine = _clipped(normal.part(2) * spread)
+    scale = (c_u.part(0) * c_v.part(1) - c_u.part(1) * c_v.part(0)).inverse() * cosine
+    u, v = c_v.part(1) * scale, (c_u.part(1) * scale).times(-1.0)
+    normal_s = u * turns[0] + v * turns[1]
+    sine = _clipped((normal.part(0) * spread).times(-1.0))
+    bend = (normal_s.part(0) * cosine + normal_s.part(2) * sine).times(-1.0) * spread
+    q_pp = u.square() * q_uu + (u * v * q_uv).times(2.0) + v.square() * q_vv
+    q_ppp = u * u.square() * of(3, 0) + v * v.square() * of(0, 3)
+    q_ppp = q_ppp + (u.square() * v * of(2, 1)).times(3.0) + (u * v.square() * of(1, 2)).times(3.0)
+    slope = (dot(normal, q_ppp) + dot(normal_s, q_pp).times(3.0)) * spread
+    slope = slope + (bend * normal.part(1) * normal_s.part(1)).times(3.0) * spread.square()
+    return slope, u, v
+
+
+def _ends(values: Range) -> tuple[Array, Array]:
+    return values.low, values.high
+
+
+def _clipped(values: Range) -> Range:
+    """Components of unit vectors."""
+    return Range(np.maximum(values.low, -1.0), np.minimum(values.high, 1.0))
+
+
+def _widened(values: Range) -> Range:
+    """Wider by far more than the rounding of doubles; all numbers where the arithmetic broke down."""
+    slack = 1e-9 * np.maximum(np.abs(values.low), np.abs(values.high)) + 1e-15
+    low, high = values.low - slack, values.high + slack
+    return Range(np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high))
