@@ -173,6 +173,7 @@ print(count, base, last)
 
 
 @pytest.mark.soak
+@pytest.mark.timeout(3600)
 def test_memory_stays_flat_over_a_gigabyte(tmp_path: Path) -> None:
     """(6.7)"""
     import sys

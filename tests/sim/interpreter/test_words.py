@@ -103,6 +103,27 @@ def test_nothing_leaves_after_the_end() -> None:
         assert run(f"G0 X1 {end}\nG0 X2")[-1] == canon.End(1, None)
 
 
+@pytest.mark.parametrize(
+    ("frames", "place"),
+    [
+        ("ROT RPL=90\nATRANS X5", (-2, 6, 3)),
+        ("TRANS X5\nAROT RPL=90", (3, 1, 3)),
+        ("ROT RPL=90\nASCALE X2", (-2, 2, 3)),
+        ("SCALE X2\nAROT RPL=90", (-4, 1, 3)),
+        ("ROT Z90 X90", (3, 1, 2)),
+        ("MIRROR X0\nATRANS X5", (-6, 2, 3)),
+        ("G18 ROT RPL=90", (3, 2, -1)),
+        ("TRANS X5\nROT RPL=90", (-2, 1, 3)),
+        ("TRANS X5\nG59 X1\nATRANS X1", (8, 2, 3)),
+        ("TRANS X5\nG58 X7", (8, 2, 3)),
+    ],
+)
+def test_additive_frames_act_in_the_frame_that_stands(frames: str, place: tuple[float, ...]) -> None:
+    """(6.2) Each place of (1, 2, 3) worked out by head."""
+    lines = frames.replace("G18 ROT", "G18\nROT")
+    assert motions(f"{lines}\nG0 X1 Y2 Z3")[-1].end == pytest.approx(place)
+
+
 def test_unprogrammed_axes_stay_to_the_last_bit() -> None:
     """(6.2)"""
     found = motions("TRANS X0.1 Y0.2 Z0.3\nG1 X1.1 Y2.2 Z3.3 F100\nX5\nX6\nG0 SUPA X7\nX8")
