@@ -169,8 +169,16 @@ def lines_of(path: Path) -> Iterator[bytes]:
 
 
 def check_program(path: Path, limits: Limits, progress: Progress | None = None, watch: Watch | None = None) -> Check:
-    """The finished check of a program file; `progress` hears the bytes done, `watch` every canonical command."""
-    check = Check(limits, watch=watch)
+    """The finished check of a program file; `progress` hears the bytes done, `watch` every canonical command.
+
+    Subprograms are looked for beside the program. Raises InputRejected for what cannot be read as a program.
+    """
+    dialect = limits.profile.control.dialect
+    if dialect != "sinumerik":
+        raise InputRejected(
+            f"checking programs for {dialect} is not built yet", path=path, remedy="name a SINUMERIK machine"
+        )
+    check = Check(limits, Settings(is_drip_fed=True, subprogram_folder=path.parent), watch)
     done = 0
     for number, raw in enumerate(lines_of(path), 1):
         if number == 1 and raw.startswith(UTF16_MARKS):

@@ -6,6 +6,7 @@ import json
 import tracemalloc
 from pathlib import Path
 
+import msgspec
 import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
@@ -15,6 +16,7 @@ from dnc.check.run import Check, check_program
 from dnc.check.track import Limits, NumberSet
 from dnc.cli.check import command
 from dnc.cli.main import run_with
+from dnc.errors import InputRejected
 from dnc.profile import load_profile
 from dnc.shipped import shipped_path
 from planner.post.base import ControlLimits, write_program
@@ -198,3 +200,21 @@ def test_bad_files_are_one_sentence(tmp_path: Path, make: str, capsys: pytest.Ca
         path.write_bytes(b"")
     assert run_with(["check", str(path)]) == 3
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_subprograms_are_looked_for_beside_the_program(tmp_path: Path) -> None:
+    """(6.10)"""
+    program = tmp_path / "main.mpf"
+    program.write_text(HEAD + "G1 X10 F250\nSIDE\nX20\n" + TAIL)
+    assert "unknown-word" in {finding.id for finding in check_program(program, Limits(PROFILE)).found.findings}
+    (tmp_path / "SIDE.SPF").write_text("G1 X15\nM17\n")
+    assert check_program(program, Limits(PROFILE)).found.findings == []
+
+
+def test_other_dialects_are_not_checked_as_if_they_were_this_one(tmp_path: Path) -> None:
+    """(6.10)"""
+    program = tmp_path / "part.nc"
+    program.write_text("%\nO1\nM30\n%\n")
+    control = msgspec.structs.replace(PROFILE.control, dialect="fanuc")
+    with pytest.raises(InputRejected, match="not built yet"):
+        check_program(program, Limits(msgspec.structs.replace(PROFILE, control=control)))
