@@ -1,0 +1,86 @@
+"""A whole program without a line, and its log."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.mill import rehearse
+from sim.motion.machine import Samples
+from sim.motion_log import MotionLog, Peaks
+from tests.sim.test_live import PROFILE
+
+PROGRAM = b"%_N_A_MPF\nN10 G90 G64 F600\nN20 G0 X10 Y0\n\nN30 M0\nN40 G1 X20\nN50 M30\nN60 G1 X99\n"
+
+
+def test_it_runs_through_stops_to_the_end() -> None:
+    """(1.4)"""
+    recording = rehearse(PROGRAM, PROFILE)
+    assert recording.is_completed
+    assert recording.alarms == []
+    assert recording.blocks == 6
+    assert recording.travelled[-1].end == (20.0, 0.0, 500.0)
+    assert recording.starved == []
+    assert recording.samples.position_mm[-1].tolist() == [20.0, 0.0, 500.0]
+    assert np.all(np.diff(recording.samples.t_s) > 0)
+
+
+def test_an_alarm_ends_it_with_what_was_cut_before() -> None:
+    """(1.4)"""
+    recording = rehearse(b"N10 G1 X10 F600\nN20 G777\nN30 G1 X20\n", PROFILE)
+    assert not recording.is_completed
+    assert [(alarm.line, alarm.block) for alarm in recording.alarms] == [(2, 20)]
+    assert recording.travelled[-1].end[0] == 10.0
+    assert recording.blocks == 2
+
+
+def test_override_slows_the_rehearsal() -> None:
+    half = rehearse(PROGRAM, PROFILE, override_percent=50.0)
+    assert half.machining_time_s > 1.4 * rehearse(PROGRAM, PROFILE).machining_time_s
+
+
+def test_the_log_says_where_the_axes_stood_before_the_first_motion() -> None:
+    """(1.6): a change of tool before the first move must not look like a jump from zero."""
+    recording = rehearse(b"T2\nM6\nG1 X10 F600\nM30\n", PROFILE)
+    assert recording.samples.position_mm[0].tolist() == [0.0, 0.0, 500.0]
+
+
+def samples(t_s: list[float], x_mm: list[float]) -> Samples:
+    n = len(t_s)
+    position_mm = np.zeros((n, 3))
+    position_mm[:, 0] = x_mm
+    blocks = np.array([-1, *range(n - 1)])
+    return Samples(np.array(t_s), position_mm, np.full(n, 60.0), np.arange(n) + 1, blocks)
+
+
+def test_rows_of_the_log_are_tips_and_appear_whole(tmp_path: Path) -> None:
+    """(1.6)"""
+    path = tmp_path / "motion.csv"
+    log = MotionLog(path, tip_below_mm=4.0)
+    log.add(samples([0.004, 0.008], [1.0, 2.0]))
+    assert not path.exists()
+    log.close()
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    assert rows[0] == {
+        "t_s": "0.0040", "x_mm": "1.000000", "y_mm": "0.000000", "z_mm": "-4.000000", "feed_mm_min": "60.0000",
+        "line": "1", "block": "",
+    }  # fmt: skip
+    assert rows[1]["block"] == "0"
+
+
+@pytest.mark.parametrize("cut", [1, 2, 5, 9])
+def test_peaks_do_not_depend_on_how_the_log_is_cut(cut: int) -> None:
+    """(1.5)"""
+    t_s = [step * 0.1 for step in range(10)]
+    x_mm = [t**3 for t in t_s]
+    whole, parts = Peaks(), Peaks()
+    whole.add(samples(t_s, x_mm))
+    for first in range(0, 10, cut):
+        parts.add(samples(t_s[first : first + cut], x_mm[first : first + cut]))
+    assert whole.jerk_mm_s3 == pytest.approx(6.0)
+    assert parts.jerk_mm_s3 == pytest.approx(whole.jerk_mm_s3)
+    assert parts.acceleration_mm_s2 == pytest.approx(whole.acceleration_mm_s2)
