@@ -16,7 +16,7 @@ from sim.interpreter import canon
 from sim.interpreter.run import Interpreter
 from sim.messages import Began, BrokeOff, Completed, Heard, Order, Power, StopReading, Took
 from sim.mill import settings_of, standing_at
-from sim.motion.machine import Machine, MachineState, Samples
+from sim.motion.machine import Machine, MachineState, Samples, StopReason
 from sim.panel import Panel
 from sim.profile import MillProfile
 
@@ -73,6 +73,7 @@ class LiveMill:
         self._ear = _Ear.LISTENING
         self._program: str | None = None
         self._block: int | None = None
+        self._awaits_tool = False
         self._pending = [name for name in _KEYS if getattr(faults, name) is not None]
         self._ends: list[tuple[float, Callable[[float], None]]] = []
         self._orders: list[Order] = []
@@ -167,6 +168,7 @@ class LiveMill:
                 self._refuse(command, now_s)
                 return
             self.machine.offer(command)
+            self._awaits_tool |= isinstance(command, canon.ChangeTool)
             if isinstance(command, canon.End):
                 self._end()
 
@@ -200,6 +202,8 @@ class LiveMill:
 
     def _follow(self, now_s: float) -> None:
         """What the machine has come to, in the control's words."""
+        if self._awaits_tool:
+            self._follow_tool(now_s)
         state = self.machine.snapshot().state
         happening = _FOLLOWS.get(state)
         if happening is not None and self.control.happens(happening, now_s):
@@ -208,6 +212,19 @@ class LiveMill:
             if happening is Happening.PROGRAM_END:
                 self.completed_s = self.machine.time_s
                 self._orders.append(Completed())
+
+    def _follow_tool(self, now_s: float) -> None:
+        """A change of tool is a wait for something that is not the program."""
+        stands = self.machine.stands
+        is_changing = (
+            bool(stands)
+            and stands[-1].reason is StopReason.TOOL_CHANGE
+            and stands[-1].t_s + stands[-1].duration_s >= self.machine.time_s
+        )
+        if is_changing:
+            self.control.happens(Happening.TOOL_CHANGE, now_s)
+        elif self.control.happens(Happening.TOOL_CHANGED, now_s):
+            self._awaits_tool = False
 
     def _operate(self, now_s: float) -> None:
         if not self._is_started and now_s >= self.faults.cycle_start:

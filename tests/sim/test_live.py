@@ -182,6 +182,12 @@ def test_m0_waits_for_the_operator() -> None:
     assert cable.names == ["ACTIVE", "PROGRAM_STOPPED", "ACTIVE", "PROGRAM_COMPLETED"]
 
 
+def test_a_tool_change_is_a_wait() -> None:
+    """(5.8): WAIT while the changer works, ACTIVE again afterwards."""
+    cable = Cable(HEAD + b"N15 T2 M6\nN20 G1 X10\nN40 G1 X20\nM30\n").run(60.0)
+    assert cable.names == ["ACTIVE", "WAIT", "ACTIVE", "PROGRAM_COMPLETED"]
+
+
 @pytest.mark.parametrize(("switch", "stops"), [("yes", True), ("no", False)])
 def test_m1_waits_only_with_its_switch(switch: str, stops: bool) -> None:
     """(5.8)"""
