@@ -23,13 +23,13 @@ Flags = NDArray[np.bool_]
 def accessible(nets: Sequence[Net], radius_mm: float, depth_mm: float) -> list[Flags]:
     """For every net, (n, m): whether a ball of this radius can touch the probe, to within `depth_mm` of interference.
 
-    A coarse net (an eighth of the radius) finds the neighbourhoods where something may be in the way; only there every
+    A coarse net (a quarter of the radius) finds the neighbourhoods where something may be in the way; only there every
     probe is tried against all others.
     """
-    coarse = [net_of(net.patch, max(net.pitch_mm, radius_mm / 8)) for net in nets]
+    coarse = [net_of(net.patch, max(net.pitch_mm, radius_mm / 4)) for net in nets]
     rough = np.concatenate([net.points.reshape(-1, 3) for net in coarse])
     normals = np.concatenate([net.normals.reshape(-1, 3) for net in coarse])
-    bends = np.concatenate([_bends(net) for net in coarse])
+    bends = np.concatenate([net.patch.grid_concave_curvature(net.u, net.v) for net in coarse])
     is_suspect = (bends > 0.5 / radius_mm) | ~_is_free(rough, normals, rough, rough, radius_mm, depth_mm)
     suspects = rough[is_suspect & np.isfinite(rough).all(axis=1)]
     everything = np.concatenate([net.points.reshape(-1, 3) for net in nets])
@@ -46,10 +46,6 @@ def _of_net(net: Net, suspects: Floats, everything: Floats, rough: Floats, radiu
         is_free[near] = _is_free(points[near], normals[near], everything, rough, radius_mm, depth_mm)
         is_free[near] &= net.patch.concave_curvature(_parameters(net)[near]) <= 1.0 / radius_mm
     return np.asarray(is_free.reshape(net.area_mm2.shape))
-
-
-def _bends(net: Net) -> Floats:
-    return net.patch.concave_curvature(_parameters(net))
 
 
 def _parameters(net: Net) -> Floats:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
 
 from sim.sweep import Sweep
 
@@ -49,7 +50,7 @@ def strands_of(sweep: Sweep, *, sag_mm: float, length_mm: float) -> Strands:
     length = np.linalg.norm(ends - begins, axis=1)
     stretch = ((np.cumsum(length) - length) / length_mm).astype(np.int64)
     is_new = np.ones(len(begins) + 1, dtype=bool)
-    is_new[1:-1] = (stretch[1:] != stretch[:-1]) | (begins[1:] != ends[:-1]).any(axis=1)
+    is_new[1:-1] = (stretch[1:] != stretch[:-1]) | (np.abs(begins[1:] - ends[:-1]).max(axis=1) > 1e-3 * length_mm)
     firsts = np.flatnonzero(is_new)
     sag = _strand_chords(sweep, firsts)[:, 6]
     is_new[:-1] |= np.repeat(sag > sag_mm, np.diff(firsts))
@@ -91,10 +92,16 @@ def bins_of(strands: Strands, *, reach_mm: float, cell_mm: float) -> Bins:
         cells.append(cell[near])
         items.append(item[near].astype(np.int32))
     cell, item = np.concatenate(cells), np.concatenate(items)
-    order = np.argsort(cell, kind="stable")
-    starts = np.searchsorted(cell[order], np.arange(shape[0] * shape[1] + 1))
+    table = coo_array((np.ones(len(cell), dtype=np.int8), (cell, item)), shape=(shape[0] * shape[1], len(low)))
+    table.has_canonical_format = True  # no cell lists a strand twice, so nothing need be sorted or summed
+    sorted_table = table.tocsr()
     return Bins(
-        float(corner[0]), float(corner[1]), cell_mm, shape, starts.astype(np.int64), item[order].astype(np.int32)
+        float(corner[0]),
+        float(corner[1]),
+        cell_mm,
+        shape,
+        sorted_table.indptr.astype(np.int64),
+        sorted_table.indices.astype(np.int32),
     )
 
 

@@ -165,7 +165,7 @@ def _scallops(index: int, mapped: PatchMap, probes: Probes, motions: Sequence[Mo
     seeds = cusp_seeds(mapped.net, mapped.found, probes, mapped.is_accessible, 2000)
     first = refiner.crossed(seeds.uv, pitch_mm)
     order = np.argsort(-np.where(np.isfinite(first.found.height_mm), first.found.height_mm, -np.inf))
-    best = refiner.climbed(first.uv[order[:200]], step_mm=1.5 * pitch_mm, stop_mm=pitch_mm / 100, trials=40)
+    best = refiner.climbed(first.uv[order[:100]], step_mm=1.5 * pitch_mm, stop_mm=pitch_mm / 50, trials=40)
     i, j = mapped.net.nearest(best.uv)
     return [
         place
@@ -177,8 +177,8 @@ def _scallops(index: int, mapped: PatchMap, probes: Probes, motions: Sequence[Mo
 def _gouges(index: int, mapped: PatchMap, probes: Probes, motions: Sequence[Motion]) -> list[Place]:
     """Pits of one patch, followed to their exact floor."""
     refiner, pitch_mm = Refiner(mapped.net.patch, probes, -1.0), mapped.net.pitch_mm
-    seeds = pit_seeds(mapped.net, mapped.found, probes, 200)
-    best = refiner.climbed(seeds.uv, step_mm=pitch_mm, stop_mm=pitch_mm / 100, trials=40)
+    seeds = pit_seeds(mapped.net, mapped.found, probes, 100)
+    best = refiner.climbed(seeds.uv, step_mm=pitch_mm, stop_mm=pitch_mm / 50, trials=40)
     return [place for place in _places(index, best, probes, motions) if place.deviation_mm < 0]
 
 

@@ -7,14 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.nominal import NominalPatch
+from sim.nominal import Frames, NominalPatch
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Net:
-    """Probes of one patch: u (n,), v (m,); points and normals (n, m, 3), mm; area_mm2 (n, m)."""
+    """Probes of one patch: u (n,), v (m,); points and normals (n, m, 3), mm; area_mm2 (n, m).
+
+    `frames` has the same in rows (n m, 3), with tangents.
+    """
 
     patch: NominalPatch
     pitch_mm: float
@@ -23,6 +26,7 @@ class Net:
     points: Floats
     normals: Floats
     area_mm2: Floats
+    frames: Frames
 
     def nearest(self, uv: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Row and column of the node nearest to each of the parameters (n, 2)."""
@@ -36,12 +40,11 @@ class Net:
 def net_of(patch: NominalPatch, pitch_mm: float) -> Net:
     """The net of a patch: nodes so dense that no step along u or v is longer than `pitch_mm`, borders included."""
     (u0, u1), (v0, v1) = patch.domain
-    coarse = _rectangle(np.linspace(u0, u1, 65), np.linspace(v0, v1, 65))
-    frames = patch.frames(coarse.reshape(-1, 2))
+    frames = patch.grid_frames(np.linspace(u0, u1, 65), np.linspace(v0, v1, 65))
     speed_u = np.linalg.norm(frames.along_u, axis=1).reshape(65, 65).max(axis=1)
     speed_v = np.linalg.norm(frames.along_v, axis=1).reshape(65, 65).max(axis=0)
     u, v = _nodes(u0, u1, speed_u, pitch_mm), _nodes(v0, v1, speed_v, pitch_mm)
-    fine = patch.frames(_rectangle(u, v).reshape(-1, 2))
+    fine = patch.grid_frames(u, v)
     shape = (len(u), len(v))
     weights = np.outer(_widths(u), _widths(v))
     return Net(
@@ -52,6 +55,7 @@ def net_of(patch: NominalPatch, pitch_mm: float) -> Net:
         fine.points.reshape(*shape, 3),
         fine.normals.reshape(*shape, 3),
         fine.areas.reshape(shape) * weights,
+        fine,
     )
 
 
@@ -67,7 +71,3 @@ def _widths(nodes: Floats) -> Floats:
     """The interval of the parameter that each node speaks for."""
     steps = np.diff(nodes)
     return np.asarray((np.concatenate([steps, [0.0]]) + np.concatenate([[0.0], steps])) / 2)
-
-
-def _rectangle(u: Floats, v: Floats) -> Floats:
-    return np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)

@@ -95,6 +95,6 @@ def probes_of(sweep: Sweep, tool: Tool, *, reach_mm: float) -> Probes:
     radius_mm = tool.corner_mm + tool.flat_mm
     margin_mm = radius_mm / 16
     chords = np.concatenate([sweep.coefficients[:, 0], sweep.ends - sweep.coefficients[:, 0], sweep.sag_mm[:, None]], 1)
-    strands = strands_of(sweep, sag_mm=radius_mm / 200, length_mm=radius_mm / 2)
-    bins = bins_of(strands, reach_mm=radius_mm + margin_mm, cell_mm=radius_mm / 3)
+    strands = strands_of(sweep, sag_mm=radius_mm / 100, length_mm=radius_mm / 2)
+    bins = bins_of(strands, reach_mm=radius_mm + margin_mm, cell_mm=radius_mm / 2)
     return Probes(sweep, np.ascontiguousarray(chords), strands, bins, tool, reach_mm, margin_mm)

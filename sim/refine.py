@@ -70,13 +70,13 @@ class Refiner:
         for _ in range(trials):
             here = active
             along, across = self.directions(uv[here])
-            ahead, gain_ahead = self._peak(uv[here] + step[here, None] * along, across, width[here])
-            behind, gain_behind = self._peak(uv[here] - step[here, None] * along, across, width[here])
-            is_ahead = gain_ahead >= gain_behind
-            best = np.where(is_ahead, gain_ahead, gain_behind)
+            ahead, behind = (uv[here] + sign * step[here, None] * along for sign in (1.0, -1.0))
+            tried, gain = self._peak(np.concatenate([ahead, behind]), np.tile(across, (2, 1)), np.tile(width[here], 2))
+            is_ahead = gain[: len(here)] >= gain[len(here) :]
+            best = np.where(is_ahead, gain[: len(here)], gain[len(here) :])
             is_better = best > value[here]
             moved = here[is_better]
-            uv[moved] = np.where(is_ahead[:, None], ahead, behind)[is_better]
+            uv[moved] = np.where(is_ahead[:, None], tried[: len(here)], tried[len(here) :])[is_better]
             value[moved] = best[is_better]
             step[here] *= np.where(is_better, 1.5, 0.4)
             active = here[(step[here] > stop_mm) & np.isfinite(value[here])]
@@ -91,7 +91,7 @@ class Refiner:
         at_high, slope_high = self._slopes(uv + high[:, None] * across, across)
         is_open = (slope_low > 0) & (slope_high < 0) & np.isfinite(at_low + at_high)
         for turn in range(16):
-            k = np.flatnonzero(is_open & (high - low > 1e-9))
+            k = np.flatnonzero(is_open & (high - low > 1e-7))
             if not len(k):
                 break
             x = 0.5 * (low[k] + high[k])

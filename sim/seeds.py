@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from sim.grid import Net
 from sim.probe import Heights, Probes
@@ -39,10 +38,12 @@ def cusp_seeds(net: Net, found: Heights, probes: Probes, is_counted: Flags, limi
     usable = is_counted & np.isfinite(heights)
     i, j = np.nonzero(_summits(np.where(is_counted, heights, -np.inf)) & usable)
     uv, expected, cells = [_uv(net, i, j, i, j, 0.0)], [heights[i, j]], [_block(i, j)]
+    piece = found.piece.reshape(n, m)
     centres = probes.centres(found).reshape(n, m, 3)
     ways = probes.chords[found.piece, 3:6].reshape(n, m, 3)
     for down, right in ((1, 0), (0, 1)):
-        a, b = np.nonzero(usable[: n - down, : m - right] & usable[down:, right:])
+        is_other = np.abs(piece[: n - down, : m - right] - piece[down:, right:]) > 1
+        a, b = np.nonzero(is_other & usable[: n - down, : m - right] & usable[down:, right:])
         share, height = _cusps(net, heights, centres, ways, (a, b), (a + down, b + right), probes.tool.corner_mm)
         at = np.flatnonzero(np.isfinite(height))
         a, b = a[at], b[at]
@@ -58,25 +59,28 @@ def pit_seeds(net: Net, found: Heights, probes: Probes, limit: int) -> Seeds:
     heights = found.height_mm.reshape(n, m)
     i, j = np.nonzero(_summits(-heights) & (heights < 0))
     uv, expected, cells = [_uv(net, i, j, i, j, 0.0)], [-heights[i, j]], [_block(i, j)]
-    points = net.points.reshape(-1, 3)
-    known = np.flatnonzero(np.isfinite(points).all(axis=1))
     pieces = probes.sweep.coefficients
-    powers = np.array([0.0, 0.5])[:, None] ** np.arange(4)
-    ways = np.concatenate([np.einsum("sk,nkx->snx", powers, pieces).reshape(-1, 3), probes.sweep.ends[-1:]])
-    reach_mm = 2 * probes.tool.corner_mm
-    distance, nearest = (
-        np.asarray(each) for each in cKDTree(points[known]).query(ways, distance_upper_bound=reach_mm, workers=-1)
-    )
-    is_near = np.isfinite(distance)
-    ways, nearest = ways[is_near], known[nearest[is_near]]
-    i, j = np.divmod(nearest, m)
-    feet, gap = _feet(net, _uv(net, i, j, i, j, 0.0), ways)
-    depth = probes.tool.corner_mm - gap
-    uv.append(feet)
-    expected.append(depth)
-    cells.append(_block(i, j))
+    if len(pieces):
+        powers = np.array([0.0, 0.5])[:, None] ** np.arange(4)
+        ways = np.einsum("sk,nkx->nsx", powers, pieces).reshape(-1, 3)
+        near = np.repeat(_probe_near(found.piece, len(pieces)), 2)
+        i, j = np.divmod(near, m)
+        feet, gap = _feet(net, near, ways)
+        uv.append(feet)
+        expected.append(probes.tool.corner_mm - gap)
+        cells.append(_block(i, j))
     seeds = _thinned(np.concatenate(uv), np.concatenate(expected), np.concatenate(cells), limit)
     return Seeds(seeds.uv, -seeds.expected_mm)
+
+
+def _probe_near(owner: Ints, count: int) -> Ints:
+    """For every piece, a probe that it cut, or that the piece next to it in the program cut: where its foot may be."""
+    owners, probes = np.unique(owner, return_index=True)
+    owners, probes = (owners[1:], probes[1:]) if len(owners) > 1 and owners[0] < 0 else (owners, probes)
+    right = np.clip(np.searchsorted(owners, np.arange(count)), 0, len(owners) - 1)
+    left = np.maximum(right - 1, 0)
+    is_left = np.arange(count) - owners[left] < owners[right] - np.arange(count)
+    return np.asarray(probes[np.where(is_left, left, right)])
 
 
 def _cusps(
@@ -112,12 +116,12 @@ def _slope(net: Net, heights: Floats, centres: Floats, at: tuple[Ints, Ints], to
         return np.asarray(-np.einsum("ij,ij->i", spoke, toward) / facing)
 
 
-def _feet(net: Net, uv: Floats, ways: Floats) -> tuple[Floats, Floats]:
-    """Parameters of the points of the design nearest to places of the way, and their distance, by two Newton steps."""
-    for _ in range(2):
-        frames = net.patch.frames(uv)
-        uv = net.patch.clipped(uv + frames.parameters_of(ways - frames.points))
-    return uv, np.linalg.norm(ways - net.patch.frames(uv).points, axis=1)
+def _feet(net: Net, near: Ints, ways: Floats) -> tuple[Floats, Floats]:
+    """Parameters of the design points nearest to places of the way, one step from a probe, and their distance."""
+    start = net.frames.rows(near)
+    i, j = np.divmod(near, len(net.v))
+    uv = net.patch.clipped(_uv(net, i, j, i, j, 0.0) + start.parameters_of(ways - start.points))
+    return uv, np.linalg.norm(ways - net.patch.points(uv), axis=1)
 
 
 def _summits(heights: Floats) -> Flags:

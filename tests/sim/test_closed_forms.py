@@ -29,11 +29,13 @@ def passes(pick_mm: float, slope_x: float = 0.0, slope_y: float = 0.0) -> list[M
     return made
 
 
-@pytest.mark.parametrize("pitch_mm", [0.07, 0.1, 0.2])
-@pytest.mark.parametrize(("slope_x", "slope_y"), [(0.0, 0.0), (0.6, 0.0), (0.0, 0.6), (-0.5, 1.0)])
+@pytest.mark.parametrize(
+    ("slope_x", "slope_y", "pitch_mm"),
+    [(0.0, 0.0, 0.2), (0.6, 0.0, 0.2), (0.0, 0.6, 0.2), (-0.5, 1.0, 0.07), (-0.5, 1.0, 0.1), (-0.5, 1.0, 0.2)],
+)
 def test_plane(slope_x: float, slope_y: float, pitch_mm: float) -> None:
     """R - sqrt(R^2 - g^2/4), g the distance of neighbouring passes in the plane; the same from every probe grid."""
-    surface = nominal_of(plane(size=10.0, slope_x=slope_x, slope_y=slope_y))
+    surface = nominal_of(plane(size=5.0, slope_x=slope_x, slope_y=slope_y))
     verdict = judged(surface, passes(1.0, slope_x, slope_y), pitch_mm)
     along = np.array([1.0, 0.0, slope_x]) / math.hypot(1.0, slope_x)
     gap = np.linalg.norm(np.cross(along, [0.0, 1.0, slope_y]))
