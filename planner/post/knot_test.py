@@ -38,7 +38,7 @@ def knot_test_program(safe_z_mm: float, feed_mm_min: float = 500.0) -> bytes:
         *(f"; X{x:.4f} Y{y:.4f}" for x, y in joints(probe_curve()).tolist()),
         "; NX: SET knot_rule = nx AND knot_rule_verified = TODAY. GENUA: SET knot_rule = genua LIKEWISE.",
         "; NEITHER: KEEP knot_rule_verified = false; PROGRAMS ARE THEN WRITTEN WITH POLY.",
-        "G17 G40 G64 G71 G90 G94",
+        "G17 G40 G64 G710 G90 G94",
         "TRANS",
         "D0 M5",
         f"G0 Z{plain(safe_z_mm)}",

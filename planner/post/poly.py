@@ -59,7 +59,7 @@ def poly_passes(
     control reads.
     """
     chain = _chain_of(passes, drop_z_mm)
-    uses = np.tile(np.array([1.0, 1.0, 1.0]), 2) + np.array([0.0, 0.2, 0.1, 0.0, 0.2, 0.1])
+    uses = np.tile(np.array([1.0, 1.2, 1.1]), 2)
     least, most = (np.tile(np.minimum(fine + margin, most_decimals)[:, None], 6) for margin in (0, _MOST_MARGIN))
 
     def bound_mm(digits: Digits) -> Array:

@@ -247,12 +247,13 @@ def _warnings(
     operation: Operation, tool_path: ToolPath, texts: Sequence[PassText], control: ControlLimits
 ) -> tuple[str, ...]:
     found = []
+    reads = "" if control.decimals is None else f": the control reads {control.decimals} decimals"
     for number, (one, text) in enumerate(zip(tool_path.passes, texts, strict=True), 1):
         total_mm = one.deviation_mm + text.rounding_mm
         if total_mm > operation.path_mm:
             found.append(
                 f"pass {number} as written may lie {total_mm * 1000:.3g} um from the exact path, "
-                f"path_mm allows {operation.path_mm * 1000:g}: the control reads {control.decimals} decimals"
+                f"path_mm allows {operation.path_mm * 1000:g}{reads}"
             )
             break
     if operation.path_mm < 1.5 * control.resolution_mm:

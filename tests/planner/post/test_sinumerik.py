@@ -7,7 +7,9 @@ import hashlib
 import json
 import math
 import re
+from pathlib import Path
 
+import jsonschema
 import pytest
 
 from planner.errors import InputRejected
@@ -16,6 +18,7 @@ from planner.post.stamp import read_stamp
 from tests.planner.post.paths import job, polyline, spline, tool_path
 
 LIMITS = ControlLimits(retract_z_mm=400.0)
+SCHEMA = Path(__file__).parents[3] / "docs/schemas/sidecar.schema.json"
 
 
 def written(shapes, limits=LIMITS, angle_rad=0.0, deviation_mm=0.0009, lift_mm=0.0, **post):
@@ -104,6 +107,7 @@ def test_sidecar_names_each_pass_start() -> None:
         assert result.data[point["offset_bytes"] :].startswith(text.encode())
         assert float(re.search(r"Y([0-9.]+)", text)[1]) == point["position_mm"][1]
     assert json.loads(json.dumps(result.sidecar)) == result.sidecar
+    jsonschema.validate(result.sidecar, json.loads(SCHEMA.read_text()))
 
 
 def test_stamp_says_control_reference_radius_tool_and_tolerance() -> None:
