@@ -82,7 +82,7 @@ def plan_job(
         job,
         operation,
         tool_path,
-        layout.peaks,
+        layout,
         written,
         rapid_mm_min=rapid_mm_min,
         line=line,

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from planner.feed_limit import feed_limit_mm_min
 from planner.job import Job, Operation
-from planner.path.model import ArcChain, PlaneSpline, Polyline, Shape, ToolPath
+from planner.path.model import ArcChain, Method, PlaneSpline, Polyline, Shape, ToolPath
 from planner.path.moves import AirMoves, air_moves
-from planner.path.peaks import Peaks
+from planner.path.strategy.parallel import Layout
 from planner.post.base import Written
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ def plan_report(
     job: Job,
     operation: Operation,
     tool_path: ToolPath,
-    peaks: Peaks,
+    layout: Layout,
     written: Written,
     *,
     rapid_mm_min: float,
@@ -33,6 +33,7 @@ def plan_report(
     planning_time_s: float,
 ) -> dict[str, Any]:
     """The report of one planned operation; `line` is (baud, bits a character) of the machine's own line."""
+    peaks = layout.peaks
     air = air_moves(tool_path.passes, job.setup.clearance_z_mm, job.setup.safe_z_mm)
     cut_mm = sum(one.length_mm for one in tool_path.passes)
     deviation_mm = max(one.deviation_mm for one in tool_path.passes)
@@ -52,13 +53,13 @@ def plan_report(
         "scallop_gaps_mm": peaks.height_mm.tolist(),
         "scallop_first_mm": peaks.first_mm,
         "scallop_last_mm": peaks.last_mm,
-        "gouge_mm": deviation_mm + written.rounding_mm,
+        "gouge_mm": layout.gouge_mm + deviation_mm + written.rounding_mm,
         "path_deviation_mm": deviation_mm + written.rounding_mm,
         "fit_deviation_mm": deviation_mm,
         "rounding_mm": written.rounding_mm,
         "method": {
             "scallop_mm": tool_path.scallop_method.value,
-            "gouge_mm": worst.value,
+            "gouge_mm": Method.SAMPLED.value,
             "path_deviation_mm": worst.value,
         },
         "break_points": sum(len(one.break_points) for one in tool_path.passes),

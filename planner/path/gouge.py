@@ -1,14 +1,21 @@
-"""Where a ball cannot go: patches that are singular, face away, or are tighter than the ball.
+"""Where a ball cannot go: patches that are singular, face away, are tighter than the ball, or stand in its own way.
 
 Checked over the whole patch before anything is traced, each complaint with patch and (u, v).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import InputRejected
+from planner.path.offset import OffsetSurface
 from planner.surface.curvature import Survey, least_curvature, lowest, regularity, upwardness
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 def tool_side(survey: Survey, *, steepest_deg: float = 85.0, least_area: float = 1e-6) -> int:
@@ -40,3 +47,50 @@ def check_radius(survey: Survey, side: int, radius_mm: float) -> None:
         what = f"{survey.patch.name} has a concave radius of {concave_mm:.3f} mm at {tightest.place}"
         remedy = f"the ball's is {radius_mm:g} mm: use a tool of less than {2 * concave_mm:.3f} mm diameter"
         raise InputRejected(what, remedy=remedy)
+
+
+def check_reach(surface: OffsetSurface, parameters: Array, tolerance_mm: float) -> float:
+    """How deep a ball that touches one of these places (2, m) cuts into another of them, mm.
+
+    Balls and places are exact, so a depth that is found is real; one between places can be missed by the square of
+    their distance over 8 R. Raises InputRejected where the depth exceeds `tolerance_mm`.
+    """
+    found = surface.evaluate(parameters[0], parameters[1])
+    deepest, ball, place = 0.0, 0, 0
+    for balls, places in _near_pairs(found.centre[:2], found.contact[:2], surface.radius_mm):
+        away = found.centre[:, balls] - found.contact[:, places]
+        depth = surface.radius_mm - np.sqrt((away**2).sum(axis=0))
+        worst = int(np.argmax(depth))
+        if depth[worst] > deepest:
+            deepest, ball, place = float(depth[worst]), int(balls[worst]), int(places[worst])
+    if deepest > tolerance_mm:
+        (u, v), (hit_u, hit_v) = parameters[:, ball], parameters[:, place]
+        what = (
+            f"{surface.patch.name}: the ball that touches (u, v) = ({u:.4g}, {v:.4g}) "
+            f"cuts {deepest:.3f} mm into ({hit_u:.4g}, {hit_v:.4g})"
+        )
+        raise InputRejected(what, remedy="use a smaller tool or cut the parts of the patch as patches of their own")
+    return deepest
+
+
+def _near_pairs(balls: Array, places: Array, reach_mm: float, most: int = 400_000) -> Iterator[tuple[Indices, Indices]]:
+    """Index pairs of balls (2, m) and places (2, n) that may lie within `reach_mm` in XY, about `most` at a time."""
+    low = np.minimum(balls.min(axis=1), places.min(axis=1))[:, None] - reach_mm
+    cell_of_place = ((places - low) / reach_mm).astype(np.intp)
+    rows = int(cell_of_place[1].max()) + 3
+    key = cell_of_place[0] * rows + cell_of_place[1]
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    cell_of_ball = ((balls - low) / reach_mm).astype(np.intp)
+    for column in (-1, 0, 1):
+        first_key = (cell_of_ball[0] + column) * rows + cell_of_ball[1]
+        first = np.searchsorted(key, first_key - 1, side="left")
+        counts = np.searchsorted(key, first_key + 1, side="right") - first
+        groups = np.cumsum(counts) // most
+        for group in range(int(groups[-1]) + 1):
+            chosen = np.flatnonzero(groups == group)
+            owner = np.repeat(chosen, counts[chosen])
+            if len(owner):
+                starts = np.cumsum(counts[chosen]) - counts[chosen]
+                rank = np.arange(len(owner)) - np.repeat(starts, counts[chosen])
+                yield owner, order[first[owner] + rank]

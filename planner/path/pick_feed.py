@@ -119,7 +119,7 @@ def local_pick_feed(surface: OffsetSurface, parameters: Array, scallop_mm: float
 
 def _first_chain(ground: Ground, scallop_mm: float) -> Array:
     """A guess of all planes: step by the least local pick feed, beyond the last border point."""
-    inside = _inside(ground)
+    inside = ground.seeds.within(ground.surface.patch.domain)
     y = ground.surface.evaluate(inside[0], inside[1]).centre[1]
     feed = local_pick_feed(ground.surface, inside, scallop_mm)
     low, high = float(y.min()), float(y.max())
@@ -132,13 +132,6 @@ def _first_chain(ground: Ground, scallop_mm: float) -> Array:
     while planes[-1] < high + float(least[known][-1]):
         planes.append(planes[-1] + float(np.interp(planes[-1], middles[known], least[known])))
     return np.array(planes)
-
-
-def _inside(ground: Ground) -> Array:
-    """The seeds on the patch itself."""
-    (u_low, u_high), (v_low, v_high) = ground.surface.patch.domain
-    u, v = ground.seeds.parameters
-    return ground.seeds.parameters[:, (u >= u_low) & (u <= u_high) & (v >= v_low) & (v <= v_high)]
 
 
 def _newton_chain(planes_mm: Array, peaks: Peaks, scallop_mm: float) -> Array:

@@ -33,6 +33,12 @@ class Seeds:
         at = np.clip(((target_xy - self.low) / self.cell_mm).astype(np.intp), 0, limit)
         return self.parameters[:, self.cells[at[0], at[1]]]
 
+    def within(self, domain: tuple[tuple[float, float], tuple[float, float]]) -> Array:
+        """The parameters of the samples on the patch itself."""
+        (u_low, u_high), (v_low, v_high) = domain
+        u, v = self.parameters
+        return self.parameters[:, (u >= u_low) & (u <= u_high) & (v >= v_low) & (v <= v_high)]
+
 
 def sow(surface: OffsetSurface, *, reach_mm: float, a_span: int) -> Seeds:
     """Seeds over the patch and about `reach_mm` beyond its borders, as far as the extended patch stays a surface."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputRejected
 from planner.path.coverage import border_cusps, border_heights, crossings, pass_runs
-from planner.path.gouge import check_radius, tool_side
+from planner.path.gouge import check_radius, check_reach, tool_side
 from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
 from planner.path.peaks import Ground, Peaks, lay_ground, survey
@@ -24,12 +24,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Traced passes in order, and what they leave: `planes_mm` (planes,), `peaks` of the gaps between planes."""
+    """Traced passes in order, and what they leave: `planes_mm` (planes,), `peaks` of the gaps between planes.
+
+    `gouge_mm` is the deepest that a ball touching one place of the patch was found to cut into another.
+    """
 
     curves: tuple[TracedCurve, ...]
     planes_mm: Array
     peaks: Peaks
     ground: Ground
+    gouge_mm: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +50,7 @@ class Wishes:
 def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float) -> Layout:
     """Traced passes over one patch; raises InputRejected with one sentence for what this ball cannot cut."""
     ground = prepare(patch, wishes)
+    gouge_mm = check_reach(ground.surface, ground.seeds.within(patch.domain), accuracy_mm)
     if wishes.scallop_mm is not None:
         feeds = solve_pick_feeds(ground, wishes.scallop_mm, accuracy_mm=accuracy_mm)
         if feeds.end is not ChainEnd.SETTLED:
@@ -55,7 +60,7 @@ def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float) -> La
         assert wishes.pick_feed_mm is not None
         planes_mm = even_planes(ground, wishes.pick_feed_mm)
         peaks = survey(ground, planes_mm, wishes.pick_feed_mm**2 / (8 * wishes.radius_mm))[0]
-    return Layout(tuple(run_passes(ground, planes_mm, wishes.angle_rad)), planes_mm, peaks, ground)
+    return Layout(tuple(run_passes(ground, planes_mm, wishes.angle_rad)), planes_mm, peaks, ground, gouge_mm)
 
 
 def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
@@ -70,9 +75,7 @@ def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
         least_mm = wishes.pick_feed_mm
     else:
         assert wishes.scallop_mm is not None
-        (u_low, u_high), (v_low, v_high) = patch.domain
-        u, v = seeds.parameters
-        inside = seeds.parameters[:, (u >= u_low) & (u <= u_high) & (v >= v_low) & (v <= v_high)]
+        inside = seeds.within(patch.domain)
         least_mm = float(local_pick_feed(surface, inside, wishes.scallop_mm).min())
     return lay_ground(surface, seeds, pick_feed_mm=least_mm)
 
