@@ -19,7 +19,8 @@ from dnc.status.ledger import MachineStatus, Quality
 COLUMNS, ROWS = 80, 24
 _LEFT = 46
 _JOB_STALE_S = 2.0
-_OVER = ("SENT", "ABORTED", "FAULTED")
+_BROKEN = ("ABORTED", "FAULTED")
+_OVER = ("SENT", *_BROKEN)
 _STATE_TONES = {
     "SENDING": Tone.RUNS,
     "DRAINING": Tone.RUNS,
@@ -172,9 +173,10 @@ def _progress(known: Known, columns: int) -> Row:
     name = str(known.job.snapshot.get("program", "")).rpartition("/")[2]
     plan = planned(known)
     if plan is not None and plan[1] > 0:
-        share, right = min(1.0, plan[0] / plan[1]), f" left {span_of_time(max(0.0, plan[1] - plan[0]))}"
+        share, unit = min(1.0, plan[0] / plan[1]), "of the time"
+        right = f" left {span_of_time(max(0.0, plan[1] - plan[0]))}"
         right += f"  end {known.end_clock}" if known.end_clock else ""
-        unit = "of the time"
+        right = "" if known.job.snapshot.get("state") in _BROKEN else right
     else:
         sent, total = known.job.snapshot.get("bytes_sent") or 0, known.job.snapshot.get("bytes_total") or 1
         share, unit, right = min(1.0, sent / total), "of the bytes sent", ""
