@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from planner.path.model import ArcChain, Pass, PlaneSpline, ToolPath
+from planner.plan import plan_job
 from planner.post.base import ControlLimits, Written, write_program
 from sim.interpreter import canon
 from sim.interpreter.run import interpret
 from sim.interpreter.settings import KnotRule, Settings
-from tests.planner.post.paths import arcs, distance_mm, job, polyline, spline, tool_path
+from tests.planner.post.paths import THESIS, arcs, distance_mm, job, polyline, spline, tool_path
 
 LIMITS = ControlLimits(retract_z_mm=400.0)
 DENSE = 6_001
@@ -185,3 +186,19 @@ def test_lifted_program_runs_above() -> None:
     high = write_program(made, made.operation[0], path, LIMITS, lift_mm=20.0)
     for a, b in zip(cut_curves(low.data)[0], cut_curves(high.data)[0], strict=True):
         assert b.end == pytest.approx((a.end[0], a.end[1], a.end[2] + 20.0))
+
+
+def test_the_three_programs_of_the_thesis_job_trace_the_same_curves() -> None:
+    """POLY, BSPLINE and G1 of one job, each within 1 um of the exact path, so within 2 um of each other (2.3)."""
+    read = []
+    for blocks in ("poly", "bspline", "linear"):
+        planned = plan_job(THESIS, LIMITS, post={"blocks": blocks})
+        read.append(
+            [np.concatenate([points_of(motion, 401) for motion in motions]) for motions in cut_curves(planned.program)]
+        )
+    poly, bspline, linear = read
+    assert len(poly) == len(bspline) == len(linear) == 32
+    for one, two, three in zip(poly, bspline, linear, strict=True):
+        assert distance_mm(one, two) <= 0.002
+        assert distance_mm(one, three) <= 0.002
+        assert distance_mm(three, one) <= 0.002
