@@ -99,6 +99,19 @@ def test_pause_reaches_the_block_end_and_resume_goes_on(tmp_path: Path) -> None:
     assert out + more + drain(sender, now_s + 100)[0] == PROGRAM
 
 
+@pytest.mark.parametrize("inflight", [1, 9, 64])
+def test_a_pause_never_runs_past_the_block(tmp_path: Path, inflight: int) -> None:
+    """(5.7; invariant I3) Whatever a write could take."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(0.001, inflight, 0.0, slack=0.0))
+    sender.start(0.0)
+    out, now_s = drain(sender, 0.0, until_s=0.1)
+    sender.pause(now_s + 1.0)
+    more, _ = drain(sender, now_s + 1.0)
+    assert sender.state is JobState.PAUSED
+    assert (out + more).endswith(b"\n")
+    assert more.count(b"\n") <= 1
+
+
 def test_pause_while_held_in_a_block_waits_for_its_end(tmp_path: Path) -> None:
     """(5.7) The pause holds even when XON comes."""
     sender = sender_of(tape_of(tmp_path, PROGRAM))

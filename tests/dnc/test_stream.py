@@ -82,6 +82,16 @@ class Running:
         with self.changed:
             assert self.changed.wait_for(lambda: self.sender.state is state, 10), self.sender.state
 
+    def is_stuck(self) -> bool:
+        """Wait until nothing has left for a while."""
+        end_s = time.monotonic() + 10
+        while time.monotonic() < end_s:
+            before = self.sender.offset_bytes
+            threading.Event().wait(0.1)
+            if before == self.sender.offset_bytes > 0:
+                return True
+        return False
+
     def __enter__(self) -> Self:
         self.thread.start()
         return self
@@ -106,6 +116,8 @@ def test_a_full_queue_loses_and_repeats_nothing(tmp_path: Path, cable: Cable) ->
     data = PROGRAM * 12
     pace = Pace(byte_s=1e-7, inflight_max_bytes=3000, lag_s=0.0, slack=0.0)
     with Running(tmp_path, cable, pace, data) as running:
+        assert running.is_stuck()
+        assert 3000 < running.sender.offset_bytes < len(data)
         assert cable.read_all(len(data)) == data
         running.wait_for(JobState.SENT)
 
