@@ -29,7 +29,7 @@ _FINE = 2049
 
 @dataclass(frozen=True, slots=True)
 class BowTable:
-    """Over turns (m,), rad, for d = 1: length, greatest curvature, greatest |r'''|, and t (m, 33) at equal arc steps."""
+    """Over turns (m,), rad, for d = 1: length, greatest curvature and |r'''|, and t (m, 33) at equal steps of arc."""
 
     turns: Array
     length: Array
@@ -116,7 +116,7 @@ class Bows:
         return length, bounds, size / 2.0
 
     def parameter(self, index: Indices, arc_mm: Array) -> Array:
-        """t (n,) of the roundings `index` (n,) at these arc lengths: a cubic in arc length between table entries."""
+        """Parameters t (n,) of the roundings `index` (n,) at these arc lengths, cubic between table entries."""
         h = self._length[index] / INTERVALS
         cell = np.clip((arc_mm / h).astype(np.int64), 0, INTERVALS - 1)
         t = arc_mm / h - cell
@@ -126,7 +126,7 @@ class Bows:
         return np.asarray(p0 + t * (m0 + t * (3.0 * rise - 2.0 * m0 - m1 + t * (m0 + m1 - 2.0 * rise))))
 
     def _entry(self, index: Indices, cell: Indices) -> tuple[Array, Array]:
-        """t and dt/ds at this entry of the table of each rounding."""
+        """Parameter t and dt/ds at this entry of the table of each rounding."""
         parameters = bow_table().parameters
         turn = self._turn[index]
         at = turn * ((_TURNS - 1) / (2.0 * np.arcsin(SHARPEST)))

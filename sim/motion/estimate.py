@@ -7,6 +7,7 @@ and fall over the same distance takes longer. Source: sim/motion/MODEL.md, secti
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable
 
@@ -83,7 +84,7 @@ def _reachable(nodes: Array, acceleration: Array, lengths: Array) -> Array:
     square = nodes**2
     square[-1] = 0.0
     backward = np.minimum.accumulate((square + energy)[::-1])[::-1] - energy
-    return np.sqrt(np.maximum(np.minimum.accumulate(backward - energy) + energy, 0.0))
+    return np.asarray(np.sqrt(np.maximum(np.minimum.accumulate(backward - energy) + energy, 0.0)))
 
 
 def _jerk_time_s(nodes: Array, peaks: Array, lengths: Array, acceleration: Array, jerk: Array) -> float:
@@ -97,7 +98,7 @@ def _jerk_time_s(nodes: Array, peaks: Array, lengths: Array, acceleration: Array
                 valleys.append(k)
     valleys.append(len(nodes) - 1)
     total = 0.0
-    for low, high in zip(valleys[:-1], valleys[1:], strict=True):
+    for low, high in itertools.pairwise(valleys):
         distance = float(np.sum(lengths[low:high]))
         top = float(np.max(peaks[low:high]))
         a, j = float(np.min(acceleration[low:high])), float(np.min(jerk[low:high]))

@@ -316,7 +316,7 @@ def can_stop(
         if piece < 0:
             return False
         if v_next <= 1e-9:
-            return abs(a_next) <= 1e-6 * accs[piece]
+            return bool(abs(a_next) <= 1e-6 * accs[piece])
         v, a = v_next, a_next
         j = stop_jerk(s, v, a, piece, last, ends, accs, jerks, dt)
     return False

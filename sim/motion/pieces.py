@@ -1,4 +1,4 @@
-"""The known path as columns of numbers: one row a piece, grown at the end, cut back at the end, read by the time law."""
+"""The known path as columns of numbers: one row a piece, grown and cut back at its end, read by the time law."""
 
 from __future__ import annotations
 

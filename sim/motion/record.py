@@ -90,7 +90,7 @@ class Recorder:
         )
 
     def _append(self, points: Array, feeds: Array, lines: Indices, blocks: Indices) -> None:
-        times = (self.step + 1 + np.arange(len(points))) * self._step_s
+        times = np.arange(self.step + 1, self.step + 1 + len(points), dtype=np.float64) * self._step_s
         self._chunks.append(Samples(times, points, feeds, lines, blocks))
         self.step += len(points)
 

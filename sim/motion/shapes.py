@@ -179,7 +179,7 @@ class PolynomialShape:
     def _speed(self, parameter: Array) -> Array:
         """|dc/dp|, kept off zero so that a cusp costs accuracy and not a division."""
         floor = 1e-9 * self.length_mm / self._motion.length if self.length_mm > 0.0 else 1e-300
-        return np.maximum(np.linalg.norm(self._derive(parameter, 1)[1], axis=1), floor)
+        return np.asarray(np.maximum(np.linalg.norm(self._derive(parameter, 1)[1], axis=1), floor))
 
     def _place(self, arc_mm: Array) -> tuple[Array, Array]:
         """Parameter and its rate per mm at these arc lengths."""
@@ -209,7 +209,7 @@ class PolynomialShape:
 
     def points(self, arc_mm: Array) -> Array:
         """Points (n, 3), mm."""
-        return self._derive(self._place(arc_mm)[0], 0)[0]
+        return np.asarray(self._derive(self._place(arc_mm)[0], 0)[0])
 
     def derivatives(self, arc_mm: Array) -> tuple[Array, Array, Array]:
         """By the chain rule from the derivatives by the parameter."""

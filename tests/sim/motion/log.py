@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,9 +42,7 @@ def mill(
 
 def lines(points: Sequence[tuple[float, float, float]], feed_mm_min: float) -> list[canon.Command]:
     """Straight cuts through these points, one program line each."""
-    return [
-        canon.Line(k + 1, None, a, b, feed_mm_min) for k, (a, b) in enumerate(zip(points[:-1], points[1:], strict=True))
-    ]
+    return [canon.Line(k + 1, None, a, b, feed_mm_min) for k, (a, b) in enumerate(itertools.pairwise(points))]
 
 
 def path_mode(mode: canon.PathMode, tolerance_mm: float | None = None) -> canon.SetPathMode:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import random
 
 import numpy as np
@@ -89,7 +90,7 @@ def test_travelled_is_what_the_log_went_through() -> None:
         program = random_program(seed, ("line", "arc", "spline"), PathMode.ROUNDING_TOLERANCE)
         machine, samples = run(program, mill(), is_compiled=None)
         travelled = machine.travelled
-        for before, after in zip(travelled[:-1], travelled[1:], strict=True):
+        for before, after in itertools.pairwise(travelled):
             assert np.allclose(before.end, after.start, atol=1e-6)
         distances, pitch = _distances(samples.position_mm, travelled)
         assert np.max(distances) <= pitch

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -115,7 +116,7 @@ def test_feed_hold_and_reset_stop_on_the_path() -> None:
     machine.reset()
     parts.append(machine.advance(5.0))
     assert machine.snapshot().state is MachineState.READY
-    for before, after in zip(parts[:-1], parts[1:], strict=True):
+    for before, after in itertools.pairwise(parts):
         assert len(before.t_s)
         assert np.all(after.position_mm[:, 0] >= before.position_mm[-1, 0])
     points = np.vstack([[(0.0, 0.0, 0.0)] * 3, *[part.position_mm for part in parts]])
