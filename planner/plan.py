@@ -15,13 +15,17 @@ import numpy as np
 
 from planner.errors import InputRejected
 from planner.job import Job, Operation, load_job
+from planner.path.gouge import tool_side
 from planner.path.model import Method, ToolPath
 from planner.path.moves import in_order
+from planner.path.strategy.angle import best_angle_rad
 from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
 from planner.post.base import ControlLimits, write_program
 from planner.report import plan_report
 from planner.shapes import kind_of, shape_passes
+from planner.surface.curvature import survey
 from planner.surface.load import load_surface
+from planner.surface.patch import NurbsPatch
 
 FINEST_PATH_MM = 1e-5
 
@@ -65,7 +69,7 @@ def plan_job(
         what = f"{len(patches)} patches in one surface are not built yet"
         raise InputRejected(what, path=job_path.parent / job.part.surface, remedy="plan each patch in its own file")
     begin = time.perf_counter()
-    wishes = _wishes(job, operation, job_path)
+    wishes = _wishes(job, operation, patches[0], job_path)
     layout = lay_parallel(patches[0], wishes, accuracy_mm=1e-4 * operation.path_mm)
     kind = kind_of(job.post.control, job.post.blocks, operation.fit)
     passes = shape_passes(layout.curves, kind, operation.path_mm, wishes.radius_mm)
@@ -128,21 +132,22 @@ def _only_operation(job: Job, path: Path) -> Operation:
         raise refuse(f'strategy "{operation.strategy}"', 'use "parallel"')
     if operation.edge == "roll-over":
         raise refuse('edge "roll-over"', 'use "to-border"')
-    if operation.angle_deg == "auto":
-        raise refuse('angle_deg "auto"', "give an angle in degrees")
     if operation.boundary:
         raise refuse("boundary", "leave it empty")
     return operation
 
 
-def _wishes(job: Job, operation: Operation, path: Path) -> Wishes:
-    assert not isinstance(operation.angle_deg, str)
+def _wishes(job: Job, operation: Operation, patch: NurbsPatch, path: Path) -> Wishes:
+    """What the strategy is asked for; the angle is chosen here where the job leaves it open."""
     radius_mm = job.tool_of(operation).radius_mm
     try:
         scallop_mm = scallop_target_mm(operation, radius_mm)
     except InputRejected as problem:
         raise InputRejected(problem.what, path=path, remedy=problem.remedy) from None
-    angle_rad = float(np.radians(operation.angle_deg))
+    if operation.angle_deg == "auto":
+        angle_rad = best_angle_rad(patch, tool_side(survey(patch)), radius_mm, scallop_mm)
+    else:
+        angle_rad = float(np.radians(operation.angle_deg))
     return Wishes(radius_mm, angle_rad, scallop_mm, operation.pick_feed_mm, operation.stock_to_leave_mm)
 
 

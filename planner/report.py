@@ -46,6 +46,7 @@ def plan_report(
         "control": job.post.control,
         "blocks_kind": _kinds(tool_path),
         "passes": len(tool_path.passes),
+        "angle_deg": float(np.degrees(tool_path.passes[0].plane.angle_rad)),
         "planes": len(tool_path.pick_feeds_mm) + 1,
         "pick_feed_mm": tool_path.pick_feeds_mm.tolist(),
         "scallop_asked_mm": operation.scallop_mm,
@@ -113,19 +114,19 @@ def _tape_blocks(job: Job, tool_path: ToolPath, written: Written) -> tuple[Array
     sizes = np.array([len(text) + 1.0 for text in lines])
     cut_mm, plunge_mm = np.zeros(len(lines)), np.zeros(len(lines))
     starts = [int(point["line"]) - 1 for point in written.sidecar["restart_points"]]
-    counts = _cutting_counts(starts, written)
+    extra = int(job.setup.safe_z_mm != job.setup.clearance_z_mm)
+    counts = _cutting_counts(starts, written, extra)
     for start, count, one in zip(starts, counts, tool_path.passes, strict=False):
-        lead = 3 if start == starts[0] and job.setup.safe_z_mm != job.setup.clearance_z_mm else 2
-        first = start + lead
+        first = start + 2 + (extra if start == starts[0] else 0)
         cut_mm[first : first + count] = _shares(one.shape, count) * one.length_mm
         plunge_mm[first - 1] = max(job.setup.clearance_z_mm - float(_first_z(one.shape)), 0.0)
     return sizes, cut_mm, plunge_mm
 
 
-def _cutting_counts(starts: list[int], written: Written) -> list[int]:
-    """Cutting blocks of every pass: what its lines leave beside approach (2, the first 3) and retract."""
+def _cutting_counts(starts: list[int], written: Written, extra: int) -> list[int]:
+    """Cutting blocks of every pass: what its lines leave beside approach (2, the first `extra` more) and retract."""
     inner = [after - before - 3 for before, after in pairwise(starts)]
-    inner[:1] = [count - 1 for count in inner[:1]]
+    inner[:1] = [count - extra for count in inner[:1]]
     return [*inner, written.cutting_blocks - sum(inner)]
 
 

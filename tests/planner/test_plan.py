@@ -17,8 +17,13 @@ from dnc.cli.main import run_with
 from dnc.cli.plan import command
 from dnc.shipped import shipped_path
 from planner.errors import InputRejected
+from planner.path.gouge import tool_side
+from planner.path.strategy.angle import best_angle_rad
+from planner.path.strategy.parallel import Wishes, lay_parallel
 from planner.plan import plan_job, scallop_target_mm
 from planner.post.base import ControlLimits
+from planner.surface.curvature import survey
+from tests.planner.surfaces import cylinder_patch
 
 SCHEMA = Path(__file__).parents[2] / "docs/schemas/plan.schema.json"
 JOB = shipped_path("jobs", "thesis").read_text()
@@ -112,7 +117,6 @@ def test_planning_twice_gives_the_same_bytes(tmp_path: Path) -> None:
         ([('strategy = "parallel"', 'strategy = "isoparametric"')], None, "not built yet"),
         ([('edge = "to-border"', 'edge = "roll-over"')], None, "not built yet"),
         ([('kind = "ball"', 'kind = "bull"\ncorner_radius_mm = 1.0')], None, "not built yet"),
-        ([("angle_deg = 0.0", 'angle_deg = "auto"')], None, "not built yet"),
         ([("angle_deg = 0.0", "angle_deg = 0.0\nboundary = [[[0, 0], [1, 0], [1, 1]]]")], None, "not built yet"),
         ([("surface.toml", "absent.toml")], None, r"absent\.toml: cannot be read"),
     ],
@@ -132,6 +136,21 @@ def test_what_cannot_be_planned_is_one_sentence_and_leaves_no_file(
     assert re.search(words, said), said
     assert ";" in said
     assert sorted(file.name for file in tmp_path.iterdir()) == ["job.toml", "surface.toml"]
+
+
+def test_the_angle_can_be_left_to_the_planner(tmp_path: Path) -> None:
+    """(4.1) "auto" takes the shortest of four directions on a cylinder, where they differ, to 3 % of its length."""
+    patch = cylinder_patch(10.0, 12.0)
+    lengths = {}
+    for angle_deg in (0.0, 45.0, 90.0, 135.0):
+        layout = lay_parallel(patch, Wishes(4.0, np.radians(angle_deg), 0.05, None), accuracy_mm=1e-7)
+        lengths[angle_deg] = sum(curve.length_mm for curve in layout.curves)
+    assert max(lengths.values()) > 1.1 * min(lengths.values())
+    best = best_angle_rad(patch, tool_side(survey(patch)), 4.0, 0.05)
+    layout = lay_parallel(patch, Wishes(4.0, best, 0.05, None), accuracy_mm=1e-7)
+    assert sum(curve.length_mm for curve in layout.curves) <= 1.03 * min(lengths.values())
+    path = job_in(tmp_path, ("angle_deg = 0.0", 'angle_deg = "auto"'), ("path_mm = 0.001", "path_mm = 0.01"))
+    assert plan_job(path, LIMITS, post={"blocks": "linear"}).report["angle_deg"] % 5 == pytest.approx(0, abs=1e-9)
 
 
 def test_several_patches_are_refused_by_name(tmp_path: Path) -> None:
