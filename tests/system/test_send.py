@@ -305,8 +305,11 @@ def test_m30_that_stops_reading(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("head", "words"),
     [
-        (b";CONTROL=fanuc-30i REFERENCE=tip\n", "written for fanuc-30i"),
-        (b";CONTROL=sinumerik-840d REFERENCE=centre R=4\n", "drives the tool's centre"),
+        (b";DRIPMILL CONTROL=fanuc-30i REFERENCE=tip R=4 T=2 D=1 TOLERANCE=0.001\n", "written for fanuc-30i"),
+        (
+            b";DRIPMILL CONTROL=sinumerik-840d REFERENCE=centre R=4 T=2 D=1 TOLERANCE=0.001\n",
+            "drives the tool's centre",
+        ),
     ],
 )
 def test_a_program_for_another_control_is_refused(tmp_path: Path, head: bytes, words: str) -> None:
