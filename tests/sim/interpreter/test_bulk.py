@@ -87,7 +87,8 @@ def test_both_routes_agree_on_odd_blocks_among_plain_ones(lines: list[str], plac
 @pytest.mark.parametrize(
     "odd",
     ["G1 X5 N7", "N1.0 X5", "N1234567890 X5", "X1 X2", "X1.2.3", "X-", "X.", "X 5", "F0 X5", "X1EX1", "G1.5 X5",
-     "G1 G1", "X1e1", "g1x5", "N7", "", " ", "F50", "X1E9", "X2000000000", "X+-1", "/X5", "X5;", "X5 Y", "\x0bX5", "N7 N8 X5"],
+     "G1 G1", "X1e1", "g1x5", "N7", "", " ", "F50", "X1E9", "X2000000000", "X+-1", "/X5", "X5;", "X5 Y",
+     "\x0bX5", "N7 N8 X5"],
 )  # fmt: skip
 def test_one_odd_block_among_plain_ones(odd: str) -> None:
     """(6.7)"""

@@ -46,7 +46,7 @@ def alarm(text: str, **settings: object) -> canon.Alarm:
         ("SQRT(16)", 4), ("POT(3)", 9), ("ABS(-4)", 4), ("TRUNC(-2.7)", -2), ("ROUND(2.5)", 3), ("LN(EXP(2))", 2),
         ("'HF'+'B11'", 18), ("1.5EX2", 150), ("(3>2)+(2>=2)+(1<>1)", 2), ("NOT 0", 1), ("(1==1) AND (2==3)", 0),
         ("(1==1) XOR (2==3)", 1), ("6 B_AND 3", 2), ("6 B_OR 3", 7), ("6 B_XOR 3", 5), ("MINVAL(3,2)+MAXVAL(3,2)", 5),
-        ("BOUND(1,5,9)", 5), ("R[1+1]+R2", 14), ("5>3+1", 1),
+        ("BOUND(1,5,9)", 5), ("R[1+1]+R2", 14), ("5>3+1", 1), ("3>2 AND 0", 1),
     ],
 )  # fmt: skip
 def test_expressions(expression: str, value: float) -> None:
