@@ -32,7 +32,9 @@ class Bins:
 
 @dataclass(frozen=True, slots=True)
 class Strands:
-    """Runs of pieces: strand k holds pieces firsts[k] to firsts[k + 1] - 1; chords (n, 7): begin, vector, sag, mm."""
+    """Runs of pieces: strand k holds pieces firsts[k] to firsts[k + 1] - 1; chords (n, 8): begin, vector, sag,
+    half its length, mm.
+    """
 
     firsts: Ints
     chords: Floats
@@ -46,7 +48,7 @@ def strands_of(sweep: Sweep, *, sag_mm: float, length_mm: float) -> Strands:
     """
     begins, ends = sweep.coefficients[:, 0], sweep.ends
     if not len(begins):
-        return Strands(np.zeros(1, dtype=np.int64), np.empty((0, 7)))
+        return Strands(np.zeros(1, dtype=np.int64), np.empty((0, 8)))
     length = np.linalg.norm(ends - begins, axis=1)
     stretch = ((np.cumsum(length) - length) / length_mm).astype(np.int64)
     is_new = np.ones(len(begins) + 1, dtype=bool)
@@ -72,13 +74,13 @@ def _strand_chords(sweep: Sweep, firsts: Ints) -> Floats:
         t = np.clip(np.einsum("ij,ij->i", points - a, d) / l2, 0.0, 1.0)
         away = np.maximum(away, np.linalg.norm(points - a - t[:, None] * d, axis=1))
     sag = np.maximum.reduceat(away + sweep.sag_mm, firsts[:-1])
-    return np.concatenate([begins, vectors, sag[:, None]], axis=1)
+    return np.concatenate([begins, vectors, sag[:, None], np.sqrt(square)[:, None] / 2], axis=1)
 
 
 def bins_of(strands: Strands, *, reach_mm: float, cell_mm: float) -> Bins:
     """The bins of a sweep; work and memory grow with strands times cells a strand reaches."""
     begins, ends = strands.chords[:, :2], strands.chords[:, :2] + strands.chords[:, 3:5]
-    grown = reach_mm + strands.chords[:, 6:]
+    grown = reach_mm + strands.chords[:, 6:7]
     low, high = np.minimum(begins, ends) - grown, np.maximum(begins, ends) + grown
     corner = low.min(axis=0) if len(low) else np.zeros(2)
     size = np.ceil((high.max(axis=0) - corner) / cell_mm).astype(int) if len(low) else np.zeros(2, dtype=int)

@@ -50,6 +50,16 @@ def _gap2(x: Vector, chords: Floats, k: int) -> float:
 
 
 @compiled
+def _is_far(x: Vector, strands: Floats, k: int, room: float) -> bool:
+    """Whether a ball about the middle of a strand, with all above it, is out of reach: a quick way to say no."""
+    dx = x[0] - strands[k, 0] - 0.5 * strands[k, 3]
+    dy = x[1] - strands[k, 1] - 0.5 * strands[k, 4]
+    dz = min(0.0, x[2] - strands[k, 2] - 0.5 * strands[k, 5])
+    bound = room + strands[k, 6] + strands[k, 7]
+    return bool(dx * dx + dy * dy + dz * dz > bound * bound)
+
+
+@compiled
 def _entry(qx: float, qy: float, qz: float, nx: float, ny: float, nz: float, radius: float) -> float:
     """Where the line s n first meets the ball about q (with all z zero: its circle in plan); inf if it does not."""
     a = nx * nx + ny * ny + nz * nz
@@ -175,7 +185,7 @@ def _outward(
         middle, room = 0.5 * (at + best), radius + 0.5 * (best - at)
         x = (p[0] + middle * n[0], p[1] + middle * n[1], p[2] + middle * n[2])
         strand = items[item]
-        if _gap2(x, strands, strand) > (room + strands[strand, 6]) ** 2:
+        if _is_far(x, strands, strand, room) or _gap2(x, strands, strand) > (room + strands[strand, 6]) ** 2:
             continue
         for k in range(firsts[strand], firsts[strand + 1]):
             if _gap2(x, chords, k) > (room + chords[k, 6]) ** 2:
