@@ -35,6 +35,7 @@ from dnc.stream import Command, Stream
 from dnc.tape import Tape
 
 _LAG_S = 150e-6
+_LAG_MAX_S = 500e-6
 _AHEAD_S = 6.0
 _AHEAD_MIN_BYTES = 4096
 _HEARD_BYTES = 65536
@@ -56,7 +57,8 @@ def pace_of(link: Link) -> Pace:
     """The measure of this line."""
     inflight = link.inflight_max_bytes or default_inflight_bytes(link.baud, link.format)
     byte_s = bits_per_byte(link.format) / link.baud
-    return Pace(byte_s, inflight, _LAG_S, default_slack(link.baud), link.char_delay_s, link.line_delay_s)
+    lag_s = max(_LAG_S, min(byte_s / 4, _LAG_MAX_S))
+    return Pace(byte_s, inflight, lag_s, default_slack(link.baud), link.char_delay_s, link.line_delay_s)
 
 
 def rules_of(link: Link) -> Rules:
