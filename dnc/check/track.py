@@ -32,8 +32,12 @@ class SplineRun:
     with_length: int
 
 
+LARGEST_NUMBER = 99_999_999
+"""The largest block number: eight digits, as the control's own post-processor library writes them."""
+
+
 class NumberSet:
-    """Block numbers seen, one bit each: 12.5 MB for all that a control allows."""
+    """Block numbers seen, one bit each: 12.5 MB for all that a control allows; larger ones are not remembered."""
 
     def __init__(self) -> None:
         self._bits = bytearray()
@@ -43,7 +47,9 @@ class NumberSet:
         return place < len(self._bits) and bool(self._bits[place] >> bit & 1)
 
     def add(self, number: int) -> None:
-        """Remember a number; those beyond nine digits are refused by the reader already."""
+        """Remember a number, if it is one that a control allows."""
+        if number > LARGEST_NUMBER:
+            return
         place, bit = divmod(number, 8)
         if place >= len(self._bits):
             self._bits.extend(bytes(max(place + 1 - len(self._bits), len(self._bits))))

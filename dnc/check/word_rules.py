@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from dnc.check.finding import Finding, Severity
-from dnc.check.track import Track, is_inch, motion_code_of
+from dnc.check.track import LARGEST_NUMBER, Track, is_inch, motion_code_of
 from planner.gcode import GROUP_OF, Block, ModalGroup, Word, code_of
 from planner.gcode.statement import Case, For, Jump, Mark, Marker, RepeatSection, Until, While
 
@@ -35,6 +35,21 @@ def number_twice(block: Block, track: Track) -> Iterator[Finding]:
             1,
             f"N{block.number} stands twice",
             "a block search or a restart may begin at the wrong one",
+            "number the blocks again",
+        )
+
+
+def number_too_large(block: Block, track: Track) -> Iterator[Finding]:
+    """N with more digits than the control reads."""
+    del track
+    if block.number is not None and block.number > LARGEST_NUMBER:
+        yield Finding(
+            "number-too-large",
+            Severity.ERROR,
+            block.line,
+            1,
+            f"N{str(block.number)[:12]} has more than {len(str(LARGEST_NUMBER))} digits",
+            "the control does not read it",
             "number the blocks again",
         )
 
@@ -205,7 +220,7 @@ def _spelled(word: Word) -> str | None:
     return "G05" if word.text in ("05", "5") else code_of(word)
 
 
-NUMBER_RULES: tuple[BlockRule, ...] = (number_twice, number_descends)
+NUMBER_RULES: tuple[BlockRule, ...] = (number_twice, number_too_large, number_descends)
 BLOCK_RULES: tuple[BlockRule, ...] = (
     *NUMBER_RULES,
     other_dialect,
