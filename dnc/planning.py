@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from dnc.profile import MachineProfile
@@ -21,7 +22,21 @@ def limits_of(profile: MachineProfile) -> ControlLimits:
         min_spline_blocks=control.min_spline_blocks,
         knot_rule=control.knot_rule,
         knot_rule_verified=bool(control.knot_rule_verified),
+        retract_z_mm=control.retract_z_mm,
+        has_tool_changer=control.has_tool_changer,
+        is_inch=control.units == "inch",
     )
+
+
+def machining_clock(profile_path: Path) -> Callable[[bytes], float]:
+    """How long this machine takes for a program, s: the interpreter's commands, timed in closed form."""
+    from sim.interpreter.run import interpret
+    from sim.interpreter.settings import KnotRule, Settings
+    from sim.motion.estimate import estimate_time_s
+    from sim.profile import load_mill_profile
+
+    profile = load_mill_profile(profile_path)
+    return lambda program: estimate_time_s(interpret(program, Settings(knot_rule=KnotRule(profile.knot_rule))), profile)
 
 
 def line_of(profile: MachineProfile) -> tuple[int, float]:

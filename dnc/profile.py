@@ -56,7 +56,11 @@ class Tape(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Control(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the control reads and how much it can take."""
+    """What the control reads and how much it can take.
+
+    `retract_z_mm` is the machine height (not of the work offset) of a safe tool change; without it programs do not
+    move there.
+    """
 
     dialect: Literal["sinumerik", "fanuc", "heidenhain", "linuxcnc", "generic"] = "sinumerik"
     knot_rule: Literal["nx", "genua"] = "nx"
@@ -70,6 +74,9 @@ class Control(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     block_cycle_s: Positive = 0.004
     lookahead_blocks: Annotated[int, Meta(ge=1)] = 100
     min_spline_blocks: Count = 6
+    retract_z_mm: float | None = None
+    has_tool_changer: bool = True
+    units: Literal["mm", "inch"] = "mm"
 
 
 class Axis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -6,6 +6,7 @@ Nothing here reads a clock but for the planning time, and nothing writes a file.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,10 +55,14 @@ def plan_job(
     rapid_mm_min: float = 10_000.0,
     line: tuple[int, float] = (9600, 10.0),
     with_rivals: bool = False,
+    lift_mm: float = 0.0,
+    time_of: Callable[[bytes], float] | None = None,
 ) -> Planned:
     """Plan the job in this file for a control.
 
-    `post` overrides keys of the job's `[post]` table; `line` is (baud, bits a character) of the machine's own line.
+    `post` overrides keys of the job's `[post]` table; `line` is (baud, bits a character) of the machine's own line;
+    `lift_mm` raises the whole program for an air cut; `time_of` tells the machining time of a program in s, in place
+    of programmed speeds alone.
     Raises InputRejected with one sentence for whatever cannot be planned.
     """
     job = load_job(job_path)
@@ -78,9 +83,9 @@ def plan_job(
         radius_mm=wishes.radius_mm,
         pick_feeds_mm=np.diff(layout.planes_mm),
         scallops_mm=layout.peaks.height_mm,
-        scallop_method=Method.PROVED,
+        scallop_method=Method.SAMPLED,
     )
-    written = write_program(job, operation, tool_path, control)
+    written = write_program(job, operation, tool_path, control, lift_mm=lift_mm)
     planning_s = time.perf_counter() - begin
     report = plan_report(
         job,
@@ -92,6 +97,8 @@ def plan_job(
         line=line,
         planning_time_s=planning_s,
     )
+    if time_of is not None:
+        report["machining_time_s"] = time_of(written.data)
     if with_rivals:
         from planner.rivals import compare_rivals
 

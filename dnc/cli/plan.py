@@ -19,6 +19,9 @@ _BLOCKS = ["auto", "bspline", "poly", "nurbs", "spl", "arcs", "linear"]
 @click.option("--blocks", type=click.Choice(_BLOCKS), help="kind of cutting blocks, in place of the job's")
 @click.option("--report", type=click.Path(path_type=Path), help="write the report, rivals included, as JSON")
 @click.option("--plot", type=click.Path(path_type=Path), help="draw passes, worst scallop and one fit as PNG")
+@click.option("--sheet", type=click.Path(path_type=Path), help="write the setup sheet as one HTML page")
+@click.option("--lift", type=float, default=0.0, help="raise the whole program by this many mm, for an air cut")
+@click.option("--knot-test", is_flag=True, help="write an air program that tells the control's knot rule instead")
 @click.option("--json", "as_json", is_flag=True, help="print the report to stdout")
 def command(
     job: Path,
@@ -28,7 +31,10 @@ def command(
     blocks: str | None,
     report: Path | None,
     plot: Path | None,
+    sheet: Path | None,
+    lift: float,
     *,
+    knot_test: bool,
     as_json: bool,
 ) -> int:
     """Plan JOB and write its program to OUTPUT; beside it OUTPUT.json tells restarts and checks what it is.
@@ -37,11 +43,18 @@ def command(
     """
     import json
 
-    from dnc.planning import limits_of, line_of, write_file
+    from dnc.planning import limits_of, line_of, machining_clock, write_file
     from dnc.profile import load_profile, profile_path
     from planner.plan import plan_job
 
-    profile = load_profile(profile_path(machine))
+    profile_file = profile_path(machine)
+    profile = load_profile(profile_file)
+    if knot_test:
+        from planner.job import load_job
+        from planner.post.knot_test import knot_test_program
+
+        write_file(output, knot_test_program(load_job(job).setup.safe_z_mm))
+        return 0
     changes: dict[str, Any] = {"control": control, "blocks": blocks}
     planned = plan_job(
         job,
@@ -50,12 +63,18 @@ def command(
         rapid_mm_min=min(axis.rapid_mm_min for axis in profile.axes.values()),
         line=line_of(profile),
         with_rivals=report is not None or as_json,
+        lift_mm=lift,
+        time_of=machining_clock(profile_file),
     )
     text = json.dumps(planned.report, indent=1) + "\n"
     if plot is not None:
         from planner.plot import draw_plan
 
         write_file(plot, draw_plan(planned))
+    if sheet is not None:
+        from planner.sheet import plan_sheet
+
+        write_file(sheet, plan_sheet(planned).encode())
     write_file(output, planned.program)
     write_file(output.with_name(output.name + ".json"), (json.dumps(planned.sidecar) + "\n").encode())
     if report is not None:
