@@ -16,6 +16,7 @@ from planner.path.curve import ExactCurve, exact_at
 from planner.path.model import Array, Method, PlaneSpline
 from planner.path.plane_spline import Index
 from planner.path.slope_range import SampledSlopes, SlopeSource, slope_source
+from planner.path.slope_table import SlopeTable
 from planner.path.spline_table import SplineTable
 
 ROUNDS = 8
@@ -53,16 +54,20 @@ def certify(curve: ExactCurve, spline: PlaneSpline) -> tuple[float, Method]:
     return certify_all([curve], [spline])[0]
 
 
-def certify_all(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline]) -> list[tuple[float, Method]]:
+def certify_all(
+    curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline], table: SlopeTable | None = None
+) -> list[tuple[float, Method]]:
     """A bound for every pair of curve and spline, worked through together; infinite where none could be given.
 
     PROVED rests on (F10) to (F15), to the rounding of doubles; SAMPLED estimates the change of curvature from nodes.
+    `table` is `patch_table(curves)` if the caller has it.
     """
-    source = slope_source(curves)
+    source = slope_source(curves, table)
     bounds = _bounds(curves, splines, source)
-    open_ = np.flatnonzero(np.isinf(bounds)) if source.method is Method.PROVED else []
+    is_proved = source.method is Method.PROVED
+    open_ = [row for row in range(len(curves)) if is_proved and np.isinf(bounds[row])]
     found = [(float(bound), source.method) for bound in bounds]
-    if len(open_):
+    if open_:
         some = [curves[row] for row in open_]
         again = _bounds(some, [splines[row] for row in open_], SampledSlopes(some))
         for row, bound in zip(open_, again, strict=True):
@@ -134,14 +139,17 @@ def _bound_intervals(table: SplineTable, source: SlopeSource, left: _Marks, righ
     low, high = curve_low - spline_high - 1e-3 * steepest, curve_high - spline_low + 1e-3 * steepest
     rise = right.drift - left.drift
     low, high = np.minimum(low, rise / step), np.maximum(high, rise / step)
-    hidden = (high * step - rise) * (rise - low * step) / np.maximum((high - low) * step, np.finfo(float).tiny)
-    pull = np.maximum(np.abs(left.drift), np.abs(right.drift)) + hidden
-    tilt = np.maximum(np.abs(left.slope), np.abs(right.slope)) + 1.1 * pull * step
-    lift = np.maximum(np.abs(left.height), np.abs(right.height)) + 1.1 * tilt * step
-    bend = np.maximum(np.abs(left.bend), np.abs(right.bend)) + steepest * step
-    neglected = (bend + pull) * (tilt**2 + 2 * bend * lift)
-    is_sound = (tilt**2 + 2 * bend * lift < 1e-3) & (right.feet > left.feet)
-    return peak, np.where(is_sound, step**2 / 16 * (hidden + 2 * neglected), np.inf)
+    # An open-ended enclosure makes everything after it not a number, which is not sound.
+    with np.errstate(invalid="ignore", over="ignore"):
+        hidden = (high * step - rise) * (rise - low * step) / np.maximum((high - low) * step, np.finfo(float).tiny)
+        pull = np.maximum(np.abs(left.drift), np.abs(right.drift)) + hidden
+        tilt = np.maximum(np.abs(left.slope), np.abs(right.slope)) + 1.1 * pull * step
+        lift = np.maximum(np.abs(left.height), np.abs(right.height)) + 1.1 * tilt * step
+        bend = np.maximum(np.abs(left.bend), np.abs(right.bend)) + steepest * step
+        neglected = (bend + pull) * (tilt**2 + 2 * bend * lift)
+        is_sound = (tilt**2 + 2 * bend * lift < 1e-3) & (right.feet > left.feet)
+        rest = step**2 / 16 * (hidden + 2 * neglected)
+    return peak, np.where(is_sound, rest, np.inf)
 
 
 def _end_gaps(table: SplineTable, curves: Sequence[ExactCurve]) -> Array:

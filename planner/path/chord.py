@@ -1,6 +1,6 @@
 """Lartigue's rule for break points, and the interpolating spline through them: the paper's way, kept to compare.
 
-Source: Lartigue, Thiebaut, Maekawa, Computer-Aided Design 33 (2001) 307-319; equations (F14) and (F15).
+Source: Lartigue, Thiebaut, Maekawa, Computer-Aided Design 33 (2001) 307-319; see EQUATIONS-fitting.md.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class EndRule(Enum):
 
 
 def paper_break_points(curve: ExactCurve, tolerance_mm: float, radius_mm: float) -> Array:
-    """Arc lengths (k,) of the break points, mm, both ends included, eq. (F14).
+    """Arc lengths (k,) of the break points, mm, both ends included.
 
     From each break point the curve is taken for its osculating circle, and the next one lies where the chord is 30
     tolerances off that circle, at most four ball radii away.
@@ -58,7 +58,7 @@ def paper_spline(
 
 
 def interpolate(parameters: Array, points: Array, end_tangents: Array, ends: EndRule) -> PlaneSpline:
-    """The cubic spline through points (k, 2) at parameters (k,), which are its knots, eq. (F15)."""
+    """The cubic spline through points (k, 2) at parameters (k,), which are its knots."""
     knots = np.concatenate([np.repeat(parameters[:1], 3), parameters, np.repeat(parameters[-1:], 3)])
     spans = find_spans(knots[None, :], parameters[None, :])
     values, slopes, bends = (part[:, 0, :] for part in basis(knots[None, :], parameters[None, :], spans))

@@ -10,7 +10,7 @@ import numpy as np
 from planner.path.curve import ExactCurve
 from planner.path.model import Array, Method
 from planner.path.plane_spline import Index
-from planner.path.slope_table import slope_table
+from planner.path.slope_table import SlopeTable, slope_table
 from planner.path.trace import TracedCurve
 
 
@@ -31,20 +31,31 @@ class EnclosedCurve(Protocol):
         """Lower and upper bounds (k,) of d(curvature)/d(arc length) between these arc lengths, 1/mm2."""
 
 
-def slope_source(curves: Sequence[ExactCurve]) -> SlopeSource:
-    """The best source for these curves."""
-    traced = [curve for curve in curves if isinstance(curve, TracedCurve)]
-    if len(traced) == len(curves) and _share_a_polynomial_patch(traced):
-        return PatchSlopes(traced)
+def slope_source(curves: Sequence[ExactCurve], table: SlopeTable | None = None) -> SlopeSource:
+    """The best source for these curves; `table` saves building that of their patch again."""
+    traced = _on_one_polynomial_patch(curves)
+    if traced:
+        return PatchSlopes(traced, table or slope_table(traced[0].surface))
     own = [curve for curve in curves if isinstance(curve, EnclosedCurve)]
     if len(own) == len(curves):
         return OwnSlopes(own)
     return SampledSlopes(curves)
 
 
-def _share_a_polynomial_patch(curves: Sequence[TracedCurve]) -> bool:
-    surface = curves[0].surface
-    return surface.patch.weights is None and all(curve.surface is surface for curve in curves)
+def patch_table(curves: Sequence[ExactCurve]) -> SlopeTable | None:
+    """The table of the patch that all these curves lie on, None if there is no such patch or it is rational."""
+    traced = _on_one_polynomial_patch(curves)
+    return slope_table(traced[0].surface) if traced else None
+
+
+def _on_one_polynomial_patch(curves: Sequence[ExactCurve]) -> list[TracedCurve]:
+    """The curves themselves, or none if they do not all lie on one polynomial patch."""
+    traced = [curve for curve in curves if isinstance(curve, TracedCurve)]
+    if not traced or len(traced) < len(curves):
+        return []
+    surface = traced[0].surface
+    is_one = surface.patch.weights is None and all(curve.surface is surface for curve in traced)
+    return traced if is_one else []
 
 
 class PatchSlopes:
@@ -52,8 +63,8 @@ class PatchSlopes:
 
     method = Method.PROVED
 
-    def __init__(self, curves: Sequence[TracedCurve]) -> None:
-        self._table = slope_table(curves[0].surface)
+    def __init__(self, curves: Sequence[TracedCurve], table: SlopeTable) -> None:
+        self._table = table
         lengths = np.array([curve.arc_mm[-1] for curve in curves])
         self._base = np.cumsum(lengths + 1.0) - lengths
         counts = np.array([curve.arc_mm.size for curve in curves])

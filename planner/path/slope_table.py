@@ -54,7 +54,7 @@ class SlopeTable:
 
 
 def slope_table(surface: OffsetSurface) -> SlopeTable:
-    """The table of a polynomial patch, its end polynomials carried on by one span's width on every side."""
+    """The table of a polynomial patch, its end polynomials carried on a little on every side."""
     patch = surface.patch
     a_span = int(np.clip(np.sqrt(MOST_CELLS / (len(patch.basis_u.starts) * len(patch.basis_v.starts))), 1, 24))
     in_u, in_v = _cells(patch.basis_u, a_span), _cells(patch.basis_v, a_span)
@@ -85,11 +85,14 @@ class _Cells:
 
 
 def _cells(basis: SpanBasis, a_span: int) -> _Cells:
-    spans = np.concatenate([[0], np.arange(len(basis.starts)), [len(basis.starts) - 1]])
-    starts = basis.starts[spans] + np.concatenate([[-1.0], np.zeros(len(spans) - 2), [1.0]]) * basis.widths[spans]
+    beyond = max(1, a_span // 2)
+    spans = np.arange(len(basis.starts))
     shares = np.arange(a_span) / a_span
-    edges = np.append((starts[:, None] + basis.widths[spans][:, None] * shares).ravel(), starts[-1] + basis.widths[-1])
-    span = np.repeat(spans, a_span)
+    inner = (basis.starts[:, None] + basis.widths[:, None] * shares).ravel()
+    steps = np.arange(1, beyond + 1) / a_span
+    before, after = basis.low - steps[::-1] * basis.widths[0], basis.high + steps * basis.widths[-1]
+    edges = np.concatenate([before, inner, [basis.high], after])
+    span = np.concatenate([np.zeros(beyond, np.intp), np.repeat(spans, a_span), np.full(beyond, spans[-1])])
     from_ = (edges[:-1] - basis.starts[span]) / basis.widths[span]
     size = np.diff(edges) / basis.widths[span]
     degree = basis.degree

@@ -9,6 +9,7 @@ from planner.errors import InputRejected
 from planner.path.bound import certify_all
 from planner.path.curve import CurveTable, ExactCurve
 from planner.path.model import Method, PlaneSpline
+from planner.path.slope_range import patch_table
 from planner.path.span_search import SearchEnd, SpanSearch
 
 MOST_SPANS = 400
@@ -33,11 +34,12 @@ def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[Fitted
         return []
     search = SpanSearch(CurveTable(curves), AIM * tolerance_mm, MOST_SPANS)
     search.run()
+    table = patch_table(curves)
     done: dict[int, FittedSpline] = {}
     while len(done) < len(curves):
         rows = [row for row in range(len(curves)) if row not in done]
         splines = [PlaneSpline(3, search.found[row].knots, search.found[row].control_points) for row in rows]
-        bounds = certify_all([curves[row] for row in rows], splines)
+        bounds = certify_all([curves[row] for row in rows], splines, table)
         short: dict[int, float] = {}
         for row, spline, (deviation_mm, method) in zip(rows, splines, bounds, strict=True):
             found = search.found[row]

@@ -1,0 +1,129 @@
+"""The bound on the distance between a spline as written and its exact curve: never too small, never far too large."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.path.bound import certify, certify_all
+from planner.path.curve import ExactCurve
+from planner.path.model import DrivingPlane, Method, PlaneSpline
+from planner.path.offset import OffsetSurface
+from planner.path.plane_spline import evaluate, rounded
+from planner.path.seeds import sow
+from planner.path.slope_table import slope_table
+from planner.path.spline import fit_passes
+from planner.path.trace import TracedCurve, trace
+from planner.surface.patch import NurbsPatch
+from tests.planner.path.curves import random_graph
+from tests.planner.path.distances import farthest_mm
+
+HEIGHTS = {
+    "bowl": lambda x, y: 0.004 * (x - 25) ** 2 + 0.002 * (y - 25) ** 2,
+    "wave": lambda x, y: 1.5 * np.sin(x / 9) * np.cos(y / 11),
+    "saddle": lambda x, y: 0.006 * (x - 20) * (y - 30),
+    "slope": lambda x, y: 0.9 * x + 0.5 * np.sin(x / 6 + y / 8),
+    "ridge": lambda x, y: 2.0 * np.exp(-(((x - 25) / 14) ** 2)) + 0.02 * y,
+}
+
+
+def patch_over(height: object, count: int = 12, size_mm: float = 50.0) -> NurbsPatch:
+    """A bicubic patch whose control points lie on a height function."""
+    knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, count - 2), np.ones(3)])
+    places = size_mm * np.array([knots[i + 1 : i + 4].mean() for i in range(count)])
+    x, y = np.meshgrid(places, places, indexing="ij")
+    return NurbsPatch(3, 3, knots, knots, np.stack([x, y, height(x, y)], axis=-1))  # type: ignore[operator]
+
+
+def passes_over(patch: NurbsPatch, planes_mm: list[float]) -> list[TracedCurve]:
+    surface = OffsetSurface(patch, 4.0)
+    seeds = sow(surface, reach_mm=8.0, a_span=2)
+    planes = [DrivingPlane(0.0, plane) for plane in planes_mm]
+    return trace(surface, seeds, planes, np.tile([3.0, 47.0], (len(planes), 1)), spacing_mm=1.5)
+
+
+def dense_distance_mm(curve: ExactCurve, spline: PlaneSpline, places: int = 4001) -> float:
+    """The largest distance between dense points of either and a dense polyline of the other."""
+    on_spline = evaluate(spline, np.linspace(spline.knots[0], spline.knots[-1], places))[0]
+    exact = curve.refine(np.linspace(curve.arc_mm[0], curve.arc_mm[-1], places)).points
+    return max(farthest_mm(exact[::20], on_spline), farthest_mm(on_spline[::20], exact))
+
+
+@pytest.mark.parametrize("name", HEIGHTS)
+def test_proved_bound_is_close_to_the_true_maximum(name: str) -> None:
+    """(4.3) On five surfaces the bound is proved, not below the true distance and at most 1.5 times it."""
+    curves = passes_over(patch_over(HEIGHTS[name]), [8.0, 21.3, 40.0])
+    for curve, fitted in zip(curves, fit_passes(curves, 0.001), strict=True):
+        true_mm = dense_distance_mm(curve, fitted.spline)
+        assert fitted.method is Method.PROVED
+        assert fitted.deviation_mm <= 0.001
+        assert true_mm - 1e-8 <= fitted.deviation_mm <= 1.5 * true_mm + 1e-6
+
+
+def test_rounded_control_points_are_bounded_too() -> None:
+    """(4.3) What is written is bounded: the spline rounded to 3 and to 4 decimals, ends included."""
+    curves = passes_over(patch_over(HEIGHTS["wave"]), [8.0, 21.3, 40.0])
+    fits = fit_passes(curves, 0.001)
+    for decimals in (3, 4):
+        splines = [rounded(fitted.spline, decimals) for fitted in fits]
+        for curve, spline, (bound_mm, method) in zip(curves, splines, certify_all(curves, splines), strict=True):
+            true_mm = dense_distance_mm(curve, spline)
+            assert method is Method.PROVED
+            assert true_mm - 1e-8 <= bound_mm <= 1.5 * true_mm
+
+
+def test_one_control_point_moved_breaks_it() -> None:
+    """(4.3) Moving any one control point by twice the tolerance pushes the bound beyond the tolerance."""
+    (curve,) = passes_over(patch_over(HEIGHTS["bowl"]), [21.3])
+    (fitted,) = fit_passes([curve], 0.001)
+    for index in range(len(fitted.spline.control_points)):
+        moved = fitted.spline.control_points.copy()
+        moved[index, 1] += 0.002
+        assert certify(curve, PlaneSpline(3, fitted.spline.knots, moved))[0] > 0.001 or _is_slack(fitted, index)
+
+
+def _is_slack(fitted: object, index: int) -> bool:
+    """An inner control point of a short span moves the curve by less than two thirds of its own move."""
+    return 0 < index < len(fitted.spline.control_points) - 1 and fitted.deviation_mm < 0.0004  # type: ignore[attr-defined]
+
+
+def bound_of_random_curves(seeds: range) -> None:
+    for seed in seeds:
+        curve = random_graph(seed)
+        spans = 3 + seed % 6
+        rng = np.random.default_rng(seed)
+        knots = np.concatenate(
+            [np.zeros(3), np.linspace(0.0, curve.arc_mm[-1], spans + 1), np.full(3, curve.arc_mm[-1])]
+        )
+        places = np.array([knots[i + 1 : i + 4].mean() for i in range(spans + 3)])
+        points = curve.refine(places).points + rng.normal(size=(spans + 3, 2)) * 10.0 ** rng.uniform(-5, -3)
+        spline = PlaneSpline(3, knots, points)
+        bound_mm, _ = certify(curve, spline)
+        assert dense_distance_mm(curve, spline, 1001) <= bound_mm + 2e-5, seed
+
+
+def test_random_curves_never_exceed_the_bound() -> None:
+    """(4.3) Dense sampling of random curves and splines stays below the bound."""
+    bound_of_random_curves(range(20))
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(3600)
+def test_ten_thousand_random_curves_never_exceed_the_bound() -> None:
+    """(4.3) The same for 10,000 curves."""
+    bound_of_random_curves(range(10_000))
+
+
+def test_enclosure_holds_what_the_curve_does() -> None:
+    """(4.3) The change of curvature between near points of traced passes lies in the range of their cells."""
+    (curve,) = passes_over(patch_over(HEIGHTS["wave"]), [21.3])
+    table = slope_table(curve.surface)
+    arc = np.linspace(0.5, curve.length_mm - 0.5, 3000)
+    one, other = curve.refine(arc), curve.refine(arc + 1e-3)
+    slope = (other.curvatures - one.curvatures) / 1e-3
+    low = np.minimum(one.parameters, other.parameters).T
+    high = np.maximum(one.parameters, other.parameters).T
+    found = table.over(table.slope, low, high)
+    assert (slope >= found.low - 1e-7).all()
+    assert (slope <= found.high + 1e-7).all()
+    assert float(np.median(found.high - found.low)) < float(np.abs(slope).max())
