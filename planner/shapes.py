@@ -12,6 +12,8 @@ from planner.path.arcs import arc_chain
 from planner.path.chord import paper_spline
 from planner.path.model import Method, Pass
 from planner.path.polyline import lean_polyline
+from planner.path.slope_range import patch_table
+from planner.path.slope_table import SlopeTable
 from planner.path.spline import fit_passes
 from planner.path.trace import TracedCurve
 
@@ -42,7 +44,8 @@ def shape_passes(curves: Sequence[TracedCurve], kind: Kind, path_mm: float, radi
             for curve, fit in zip(curves, fits, strict=True)
         ]
     if kind == "paper":
-        return [_paper_pass(curve, tolerance_mm, radius_mm) for curve in curves]
+        table = patch_table(curves)
+        return [_paper_pass(curve, tolerance_mm, radius_mm, table) for curve in curves]
     passes = []
     for curve in curves:
         shape, deviation_mm = (arc_chain if kind == "arcs" else lean_polyline)(curve, tolerance_mm)
@@ -50,11 +53,13 @@ def shape_passes(curves: Sequence[TracedCurve], kind: Kind, path_mm: float, radi
     return passes
 
 
-def _paper_pass(curve: TracedCurve, tolerance_mm: float, radius_mm: float, steps: int = 60) -> Pass:
+def _paper_pass(
+    curve: TracedCurve, tolerance_mm: float, radius_mm: float, table: SlopeTable | None, steps: int = 60
+) -> Pass:
     """Lartigue's break points, closer together until the checked deviation keeps the tolerance."""
     asked_mm = tolerance_mm
     for _ in range(steps):
-        fit, break_points = paper_spline(curve, asked_mm, radius_mm)
+        fit, break_points = paper_spline(curve, asked_mm, radius_mm, table=table)
         if fit.deviation_mm <= tolerance_mm:
             return Pass(curve.plane, fit.spline, fit.deviation_mm, fit.method, break_points, curve.length_mm)
         asked_mm *= 0.7

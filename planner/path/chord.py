@@ -9,10 +9,11 @@ from enum import Enum
 
 import numpy as np
 
-from planner.path.bound import certify
+from planner.path.bound import certify_all
 from planner.path.curve import ExactCurve
 from planner.path.model import Array, PlaneSpline
 from planner.path.plane_spline import basis, find_spans
+from planner.path.slope_table import SlopeTable
 from planner.path.spline import FittedSpline
 
 CIRCLE_FACTOR = 30.0
@@ -44,16 +45,21 @@ def paper_break_points(curve: ExactCurve, tolerance_mm: float, radius_mm: float)
 
 
 def paper_spline(
-    curve: ExactCurve, tolerance_mm: float, radius_mm: float, ends: EndRule = EndRule.TANGENT
+    curve: ExactCurve,
+    tolerance_mm: float,
+    radius_mm: float,
+    ends: EndRule = EndRule.TANGENT,
+    table: SlopeTable | None = None,
 ) -> tuple[FittedSpline, Array]:
     """The cubic B-spline through the break points, with its bound, and the break points (k, 2).
 
-    The rule does not keep its tolerance: `deviation_mm` says what it really reaches.
+    The rule does not keep its tolerance: `deviation_mm` says what it really reaches. `table` is the patch's, where
+    many curves of one patch are fitted in turn.
     """
     arc = paper_break_points(curve, tolerance_mm, radius_mm)
     samples = curve.refine(arc)
     spline = interpolate(arc - arc[0], samples.points, samples.tangents[[0, -1]], ends)
-    deviation_mm, method = certify(curve, spline)
+    ((deviation_mm, method),) = certify_all([curve], [spline], table)
     return FittedSpline(spline, deviation_mm, method), samples.points
 
 
