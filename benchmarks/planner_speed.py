@@ -18,7 +18,7 @@ from planner.path.peaks import Ground
 from planner.path.strategy.parallel import Wishes, lay_parallel, prepare
 from planner.path.trace import TracedCurve, trace
 from planner.plan import plan_job
-from planner.post.base import ControlLimits
+from planner.post.written import ControlLimits
 from planner.shapes import shape_passes
 from planner.surface.load import load_surface
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dnc.profile import MachineProfile
 from planner.errors import InputRejected
-from planner.post.base import ControlLimits
+from planner.post.written import ControlLimits
 
 _DECIMALS = {"fanuc": 3, "heidenhain": 4}
 

@@ -21,7 +21,8 @@ from planner.path.model import Method, ToolPath
 from planner.path.moves import in_order
 from planner.path.strategy.angle import best_angle_rad
 from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
-from planner.post.base import ControlLimits, write_program
+from planner.post.base import write_program
+from planner.post.written import ControlLimits
 from planner.report import plan_report
 from planner.shapes import kind_of, shape_passes
 from planner.surface.curvature import survey

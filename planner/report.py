@@ -13,7 +13,7 @@ from planner.job import Job, Operation
 from planner.path.model import ArcChain, Method, PlaneSpline, Polyline, Shape, ToolPath
 from planner.path.moves import AirMoves, air_moves
 from planner.path.strategy.parallel import Layout
-from planner.post.base import Written
+from planner.post.written import Written
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,8 @@ from planner.path.model import ToolPath
 from planner.path.moves import in_order
 from planner.path.strategy.parallel import Layout
 from planner.path.trace import TracedCurve
-from planner.post.base import ControlLimits, write_program
+from planner.post.base import write_program
+from planner.post.written import ControlLimits
 from planner.report import segments
 from planner.shapes import Kind, shape_passes
 

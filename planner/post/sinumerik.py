@@ -17,7 +17,6 @@ from planner.errors import InputRejected
 from planner.job import Job, Operation
 from planner.path.model import ArcChain, Array, PlaneSpline, Polyline, ToolPath
 from planner.post.arcs import arc_passes
-from planner.post.base import ControlLimits, Written, rounding_budgets_mm
 from planner.post.bspline import bspline_passes
 from planner.post.digits import Digits
 from planner.post.linear import linear_passes
@@ -27,6 +26,7 @@ from planner.post.poly import poly_passes
 from planner.post.sidecar import RestartRow, restart_row, sidecar
 from planner.post.stamp import Stamp
 from planner.post.units import INCH_MM, in_unit
+from planner.post.written import ControlLimits, Written, rounding_budgets_mm
 
 _FINEST_DECIMALS = 8
 _LONGEST_NAME = 24

@@ -8,7 +8,8 @@ import pytest
 
 from dnc.errors import InputRejected
 from dnc.restart import Heights, modal_blocks, restart_at_line, restart_at_number, resumed_interpreter
-from planner.post.base import ControlLimits, write_program
+from planner.post.base import write_program
+from planner.post.written import ControlLimits
 from sim.interpreter import canon
 from sim.interpreter.run import Interpreter, interpret
 from sim.interpreter.settings import Settings, Tool

@@ -16,8 +16,9 @@ from dnc.profile import load_profile
 from dnc.restart import Heights
 from dnc.shipped import shipped_path
 from dnc.split import split_program
-from planner.post.base import ControlLimits, write_program
+from planner.post.base import write_program
 from planner.post.stamp import read_stamp
+from planner.post.written import ControlLimits
 from sim.interpreter import canon
 from sim.interpreter.run import interpret
 from tests.planner.post.paths import THESIS, job, spline, tool_path

@@ -21,7 +21,7 @@ from planner.path.gouge import tool_side
 from planner.path.strategy.angle import best_angle_rad
 from planner.path.strategy.parallel import Wishes, lay_parallel
 from planner.plan import plan_job, scallop_target_mm
-from planner.post.base import ControlLimits
+from planner.post.written import ControlLimits
 from planner.surface.curvature import survey
 from tests.planner.surfaces import cylinder_patch
 

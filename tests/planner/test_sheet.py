@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from planner.plan import plan_job
-from planner.post.base import ControlLimits
+from planner.post.written import ControlLimits
 from planner.sheet import SheetFacts, SheetTool, plan_sheet, render_sheet
 
 THESIS = Path(__file__).parents[2] / "configs/jobs/thesis.toml"

@@ -19,7 +19,8 @@ from dnc.cli.main import run_with
 from dnc.errors import InputRejected
 from dnc.profile import load_profile
 from dnc.shipped import shipped_path
-from planner.post.base import ControlLimits, write_program
+from planner.post.base import write_program
+from planner.post.written import ControlLimits
 from tests.planner.post.paths import THESIS, job, polyline, spline, tool_path
 
 PROFILE = load_profile(shipped_path("machines", "sinumerik-840d"))

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from planner.path.model import PlaneSpline
-from planner.post.base import ControlLimits, write_program
+from planner.post.base import write_program
 from planner.post.bspline import with_blocks
+from planner.post.written import ControlLimits
 from tests.planner.post.paths import job, spline, tool_path
 
 TEST_CURVE = PlaneSpline(

@@ -12,7 +12,8 @@ from scipy.interpolate import BSpline
 
 from planner.path.model import ArcChain, Pass, PlaneSpline, ToolPath
 from planner.plan import plan_job
-from planner.post.base import ControlLimits, Written, write_program
+from planner.post.base import write_program
+from planner.post.written import ControlLimits, Written
 from sim.interpreter import canon
 from sim.interpreter.run import interpret
 from sim.interpreter.settings import KnotRule, Settings

@@ -13,8 +13,9 @@ import jsonschema
 import pytest
 
 from planner.errors import InputRejected
-from planner.post.base import ControlLimits, write_program
+from planner.post.base import write_program
 from planner.post.stamp import read_stamp
+from planner.post.written import ControlLimits
 from tests.planner.post.paths import job, polyline, spline, tool_path
 
 LIMITS = ControlLimits(retract_z_mm=400.0)
