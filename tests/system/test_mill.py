@@ -89,6 +89,9 @@ def test_a_pulled_adapter_hangs_up(tmp_path: Path) -> None:
     with MillProcess(tmp_path, "--fault", "unplug=100b", "--speed", "4") as mill, port(mill.ready["pty"]) as fd:
         with contextlib.suppress(OSError):
             stuff(fd, PROGRAM * 9, 10.0, obeys=False)
+        hung_up = select.poll()
+        hung_up.register(fd, 0)
+        assert hung_up.poll(10_000)
         with pytest.raises(OSError, match="Input/output error"):
             os.write(fd, b"N1")
         assert mill.terminate() == 143

@@ -49,12 +49,13 @@ def test_a_killed_console_leaves_the_job_alone_and_status_reads_both(tmp_path: P
             "--report",
             str(tmp_path / "s.json"),
         ]
-        sender = subprocess.Popen([*dnc, "send", str(program), *words], env=env, stderr=subprocess.DEVNULL)
         master, slave = pty.openpty()
         console = subprocess.Popen(
             [*dnc, "console", "--modbus", mill.ready["modbus"]], env=env, stdin=slave, stdout=slave, stderr=slave
         )
         os.close(slave)
+        seen(master, b"F10 leave", 60.0)
+        sender = subprocess.Popen([*dnc, "send", str(program), *words], env=env, stderr=subprocess.DEVNULL)
         seen(master, b"SIMULATED", 60.0)
         console.send_signal(signal.SIGKILL)
         console.wait(10.0)
