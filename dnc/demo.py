@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ class Settings:
     speed: float
     window_s: float
     window_override_percent: float
+    probe_pitch_mm: float
 
 
 class StepFailed(UserError):
@@ -54,14 +55,17 @@ def run_chain(folder: Path, settings: Settings, say: Say) -> Report:
     """
     folder.mkdir(parents=True, exist_ok=True)
     program = folder / "part.mpf"
-    say("plan     the reference part")
-    plan = _plan(folder, program, settings)
-    say("check    the tape, block by block")
-    check = json.loads(_dnc("check", program, "--machine", settings.machine, "--json"))
-    say(f"window   {settings.window_s:g} s of the line at its true speed")
-    window = _window(folder, program, settings)
-    say(f"feed     through a pseudo-terminal to the mill, {settings.speed:g} times as fast as life")
-    send, mill = _feed(folder, program, settings, say)
+    with ExitStack() as mills:
+        say("plan     the reference part")
+        hurried = mills.enter_context(_window_mill(folder, settings))
+        plan = _plan(folder, program, settings)
+        say("check    the tape, block by block")
+        measuring = mills.enter_context(_measuring_mill(folder, settings))
+        check = json.loads(_dnc("check", program, "--machine", settings.machine, "--json"))
+        say(f"window   {settings.window_s:g} s of the line at its true speed")
+        window = _window(folder, program, settings, hurried)
+        say(f"feed     through a pseudo-terminal to the mill, {settings.speed:g} times as fast as life")
+        send, mill = _feed(folder, program, settings, measuring, say)
     report = {
         "schema": "dripmill.demo",
         "version": 1,
@@ -86,60 +90,68 @@ def _plan(folder: Path, program: Path, settings: Settings) -> Report:
     return _read_json(report)
 
 
-def _window(folder: Path, program: Path, settings: Settings) -> Report:
-    """Line figures at true speed: the same tape, stopped by the operator's SIGINT when the window is over.
+def _window_mill(folder: Path, settings: Settings) -> AbstractContextManager[_Mill]:
+    """At true speed, with the feed overridden so that the control asks for bytes often; the line does not know."""
+    hurry = ("--fault", f"override={settings.window_override_percent:g}")
+    return _mill(settings.machine, 1.0, *hurry, "--report", folder / "window-mill.json")
 
-    The feed is overridden so that the control asks for bytes often enough to count; the line does not know.
-    """
-    send_report, mill_report = folder / "window-send.json", folder / "window-mill.json"
-    hurried = ("--fault", f"override={settings.window_override_percent:g}", "--report", mill_report)
-    with _mill(settings.machine, 1.0, *hurried) as ready:
-        sender = _start("send", program, *_port(settings, ready), "--report", send_report, stderr=subprocess.PIPE)
-        _wait_or_interrupt(sender, settings.window_s)
+
+def _measuring_mill(folder: Path, settings: Settings) -> AbstractContextManager[_Mill]:
+    options = ("--nominal", settings.job, "--plot", folder / "deviation.png", "--motion", folder / "motion.csv")
+    pitch = ("--probe-pitch", f"{settings.probe_pitch_mm:g}")
+    return _mill(settings.machine, settings.speed, *options, *pitch, "--report", folder / "mill.json")
+
+
+def _window(folder: Path, program: Path, settings: Settings, mill: _Mill) -> Report:
+    """Line figures at true speed: the same tape, stopped by the operator's SIGINT when the window is over."""
+    report = folder / "window-send.json"
+    sender = _start("send", program, *mill.port(settings), "--report", report, stderr=subprocess.PIPE)
+    _wait_or_interrupt(sender, settings.window_s)
+    mill.stop()
     return {
         "feed_override_percent": settings.window_override_percent,
-        "send": _read_json(send_report),
-        "mill": _read_json(mill_report),
+        "send": _read_json(report),
+        "mill": _read_json(folder / "window-mill.json"),
     }
 
 
-def _feed(folder: Path, program: Path, settings: Settings, say: Say) -> tuple[Report, Report]:
-    send_report, mill_report = folder / "send.json", folder / "mill.json"
-    measuring = ("--nominal", settings.job, "--plot", folder / "deviation.png")
-    options = (*measuring, "--motion", folder / "motion.csv", "--report", mill_report)
-    with _mill(settings.machine, settings.speed, *options) as ready:
-        sender = _start("send", program, *_port(settings, ready), "--report", send_report)
-        _finish("send", sender)
-        say("measure  what the cutter left, along the design's normals")
-        _finish("mill", ready.process)
-    return _read_json(send_report), _read_json(mill_report)
+def _feed(folder: Path, program: Path, settings: Settings, mill: _Mill, say: Say) -> tuple[Report, Report]:
+    report = folder / "send.json"
+    sender = _start("send", program, *mill.port(settings), "--report", report)
+    _finish("send", sender)
+    say("measure  what the cutter left, along the design's normals")
+    _finish("mill", mill.process)
+    return _read_json(report), _read_json(folder / "mill.json")
 
 
-@dataclass(frozen=True, slots=True)
-class _Ready:
-    """A mill that has said where it listens."""
+class _Mill:
+    """A mill's process; asked where it listens only when that is needed, so that several can start at once."""
 
-    process: subprocess.Popen[str]
-    pty: str
-    effective_baud: int
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self.process = process
+
+    def port(self, settings: Settings) -> tuple[str, ...]:
+        """Options of `dnc send` that lead to this mill; waits until it is ready."""
+        said = json.loads(_first_line(self.process, timeout_s=60.0))
+        return ("--port", said["pty"], "--machine", settings.machine, "--baud", str(said["effective_baud"]))
+
+    def stop(self) -> None:
+        """Ask it to end and to write its report, if it has not yet."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        self.process.wait(timeout=30.0)
 
 
 @contextmanager
-def _mill(machine: str, speed: float, *options: str | Path) -> Iterator[_Ready]:
-    process = _start("mill", "--machine", machine, "--speed", f"{speed:g}", *options, stdout=subprocess.PIPE)
+def _mill(machine: str, speed: float, *options: str | Path) -> Iterator[_Mill]:
+    listening = ("--machine", machine, "--speed", f"{speed:g}", "--modbus", "127.0.0.1:0")
+    mill = _Mill(_start("mill", *listening, *options, stdout=subprocess.PIPE))
     try:
-        said = json.loads(_first_line(process, timeout_s=30.0))
-        yield _Ready(process, said["pty"], int(said["effective_baud"]))
+        yield mill
     finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGTERM)
-        process.wait(timeout=30.0)
-        if process.stdout is not None:
-            process.stdout.close()
-
-
-def _port(settings: Settings, ready: _Ready) -> tuple[str, ...]:
-    return ("--port", ready.pty, "--machine", settings.machine, "--baud", str(ready.effective_baud))
+        mill.stop()
+        assert mill.process.stdout is not None
+        mill.process.stdout.close()
 
 
 def _first_line(process: subprocess.Popen[str], timeout_s: float) -> str:

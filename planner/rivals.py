@@ -20,11 +20,11 @@ from planner.shapes import Kind, shape_passes
 
 TOLERANCES_MM = (0.010, 0.001, 0.00025, 0.0001)
 KINDS: tuple[tuple[Kind, str], ...] = (("free", "auto"), ("paper", "auto"), ("arcs", "arcs"), ("linear", "linear"))
-MOST_PASSES = 6
+MOST_PASSES = 4
 
 
 def compare_rivals(job: Job, operation: Operation, layout: Layout, control: ControlLimits) -> list[dict[str, Any]]:
-    """Segments, blocks and bytes of every way at every tolerance, over at most 6 evenly chosen passes.
+    """Segments, blocks and bytes of every way at every tolerance, over at most 4 evenly chosen passes.
 
     A way that this control or this tolerance cannot be written in says so in `note` and has no numbers.
     """

@@ -12,20 +12,20 @@ import select
 import signal
 import socket
 import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from planner.errors import SettingsRejected, UserError
 from sim.clock import MachineClock
-from sim.deviation import judge
 from sim.endpoint_modbus import ModbusEnd
+from sim.interpreter.canon import Motion
 from sim.live import LiveMill
 from sim.messages import Failed, Finish, Heard, Ready, Result, Start, Wire
 from sim.mill import rehearse
 from sim.motion.machine import Samples
 from sim.motion_log import MotionLog, Peaks
-from sim.nominal import Nominal, load_nominal
 from sim.setup import Setup
-from sim.tool import tool_of
 
 TICK_WALL_S = 0.002
 PANEL_WALL_S = 0.1
@@ -40,17 +40,17 @@ def run_control(end: socket.socket, setup: Setup) -> None:
         _work(wire, setup)
     except UserError as problem:
         wire.send(Failed(str(problem), int(problem.exit_code)))
+    except Exception as problem:  # noqa: BLE001 (the rim of a process: a fault of ours becomes one sentence)
+        wire.send(Failed(f"internal fault in the mill's control: {type(problem).__name__}: {problem}", 1))
     while wire.has_unsent and not wire.is_closed:
         select.select([], [wire], [], 5.0)
         wire.flush()
 
 
 def _work(wire: Wire, setup: Setup) -> None:
-    nominal = None if setup.nominal is None else load_nominal(setup.nominal)
+    measuring = _measuring(setup)
     rehearse(b"G1 X1 F100\nX2\nM30\n", setup.profile)
-    is_centre = nominal is not None and nominal.reference == "centre"
-    below_mm = nominal.cutter.corner_mm if nominal is not None and is_centre else 0.0
-    log = None if setup.motion is None else MotionLog(setup.motion, below_mm)
+    log = None if setup.motion is None else MotionLog(setup.motion, measuring.tip_below_mm)
     peaks = Peaks()
 
     def keep(samples: Samples) -> None:
@@ -71,7 +71,7 @@ def _work(wire: Wire, setup: Setup) -> None:
         if log is not None:
             log.close()
     if not wire.is_closed:
-        report = _report(mill, peaks) | _measured(mill, nominal, setup)
+        report = _report(mill, peaks) | measuring.measure(mill.machine.travelled)
         wire.send(Result(json.dumps(report, default=float)))
 
 
@@ -137,19 +137,34 @@ def _report(mill: LiveMill, peaks: Peaks) -> dict[str, Any]:
     }
 
 
-def _measured(mill: LiveMill, nominal: Nominal | None, setup: Setup) -> dict[str, Any]:
-    """What the cut part measures, as keys of the report; draws the deviation map where one is wanted."""
-    if nominal is None:
-        return {}
-    verdict = judge(
-        nominal,
-        tool_of(nominal.cutter),
-        mill.machine.travelled,
-        reference=nominal.reference,
-        probe_pitch_mm=setup.probe_pitch_mm,
-    )
-    if setup.plot is not None:
-        from sim.plot import plot_deviation
+@dataclass(frozen=True, slots=True)
+class _Measuring:
+    """What the design is good for: how far the tip lies below the programmed point, and the keys of the verdict."""
 
-        plot_deviation(verdict, setup.plot)
-    return verdict.report()
+    tip_below_mm: float
+    measure: Callable[[Sequence[Motion]], dict[str, Any]]
+
+
+def _measuring(setup: Setup) -> _Measuring:
+    """Reads the design now and measures the cut part at the end; draws the deviation map where one is wanted.
+
+    The probes are loaded only where a design is named: a mill that measures nothing is ready sooner.
+    """
+    if setup.nominal is None:
+        return _Measuring(0.0, lambda _: {})
+    from sim.deviation import judge
+    from sim.nominal import load_nominal
+    from sim.tool import tool_of
+
+    nominal = load_nominal(setup.nominal)
+
+    def measured(travelled: Sequence[Motion]) -> dict[str, Any]:
+        tool, pitch_mm = tool_of(nominal.cutter), setup.probe_pitch_mm
+        verdict = judge(nominal, tool, travelled, reference=nominal.reference, probe_pitch_mm=pitch_mm)
+        if setup.plot is not None:
+            from sim.plot import plot_deviation
+
+            plot_deviation(verdict, setup.plot)
+        return verdict.report()
+
+    return _Measuring(nominal.cutter.corner_mm if nominal.reference == "centre" else 0.0, measured)

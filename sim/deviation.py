@@ -137,8 +137,9 @@ def judge(
     nets = [net_of(patch, probe_pitch_mm) for patch in nominal.patches]
     free = accessible(nets, tool.corner_mm, 1e-6)
     maps = tuple(_map(net, probes, is_free) for net, is_free in zip(nets, free, strict=True))
-    scallops = [place for index in range(len(maps)) for place in _scallops(index, maps[index], probes, motions)]
-    gouges = [place for index in range(len(maps)) for place in _gouges(index, maps[index], probes, motions)]
+    touched = range(len(maps)) if len(sweep.motion) else ()
+    scallops = [place for index in touched for place in _scallops(index, maps[index], probes, motions)]
+    gouges = [place for index in touched for place in _gouges(index, maps[index], probes, motions)]
     whole = sum(float(each.net.area_mm2.sum()) for each in maps)
     open_area = sum(float(each.net.area_mm2[each.is_accessible].sum()) for each in maps)
     covered = sum(float(each.net.area_mm2[each.is_accessible & each.is_covered].sum()) for each in maps)

@@ -45,6 +45,8 @@ def program() -> None:
 
 def run() -> None:
     """Entry point of the `dnc` command; never shows a traceback for bad input."""
+    # Our matrices are small: threads of the linear algebra would only compete with the mill and the line.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     sys.exit(run_with(sys.argv[1:]))
 
 
