@@ -6,6 +6,7 @@ So the mill sees nothing but bytes and the surface file, and the demo cannot kno
 from __future__ import annotations
 
 import json
+import re
 import select
 import signal
 import subprocess
@@ -23,6 +24,7 @@ _MEASURED = (
     *("alarms", "machining_time_s", "starved_s", "blocks"),
     *("scallop_mm", "gouge_mm", "deviation_mm", "coverage", "probe_pitch_mm"),
 )
+_WAITS = re.compile(rb"T\d|S\d|G4 |M8")
 
 Report = dict[str, Any]
 Say = Callable[[str], None]
@@ -103,9 +105,14 @@ def _measuring_mill(folder: Path, settings: Settings) -> AbstractContextManager[
 
 
 def _window(folder: Path, program: Path, settings: Settings, mill: _Mill) -> Report:
-    """Line figures at true speed: the same tape, stopped by the operator's SIGINT when the window is over."""
-    report = folder / "window-send.json"
-    sender = _start("send", program, *mill.port(settings), "--report", report, stderr=subprocess.PIPE)
+    """Line figures at true speed, stopped by the operator's SIGINT when the window is over.
+
+    The tape is the program without tool change, spindle start and dwell, for which the line would only wait.
+    """
+    report, tape = folder / "window-send.json", folder / "window.mpf"
+    lines = program.read_bytes().splitlines(keepends=True)
+    tape.write_bytes(b"".join(line for line in lines if not _WAITS.match(line)))
+    sender = _start("send", tape, *mill.port(settings), "--report", report, stderr=subprocess.PIPE)
     _wait_or_interrupt(sender, settings.window_s)
     mill.stop()
     return {

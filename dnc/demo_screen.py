@@ -49,20 +49,13 @@ def _line(report: Report) -> list[str]:
     window, mill = report["window"], report["mill"]
     send, window_mill = window["send"], window["mill"]
     return [
-        (
-            f"  line at {send['baud']} baud, true speed, {send['elapsed_s']:.1f} s window"
-            f" (feed override {window['feed_override_percent']:g} %):"
-        ),
-        (
-            f"    held {send['xoff_count']} times, {send['held_s']:.1f} s;"
-            f" at most {window_mill['overshoot_bytes_max']} bytes arrived after a stop began;"
-            f" {send['utilisation'] * 100:.1f} % used when free"
-        ),
-        f"  whole program, {mill['time_scale']:g} times as fast as life (scaled figures):",
-        (
-            f"    {mill['bytes_received']} bytes received, {mill['overrun_bytes']} lost, {mill['xoff_sent']} stops,"
-            f" starved {mill['starved_s']:.1f} s, alarms {len(mill['alarms'])}"
-        ),
+        f"  line at {send['baud']} baud, true speed, {send['elapsed_s']:.1f} s (window)",
+        f"    held {send['xoff_count']} times, {send['held_s']:.1f} s; {send['utilisation'] * 100:.1f} % used when free",
+        f"    at most {window_mill['overshoot_bytes_max']} bytes arrived after a stop began",
+        f"    feed override {window['feed_override_percent']:g} %, so that the control asks often",
+        f"  whole program, {mill['time_scale']:g} times as fast as life (scaled figures)",
+        f"    {mill['bytes_received']} bytes received, {mill['overrun_bytes']} lost, {mill['xoff_sent']} stops",
+        f"    starved {mill['starved_s']:.1f} s, alarms {len(mill['alarms'])}",
     ]
 
 
