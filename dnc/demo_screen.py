@@ -50,7 +50,7 @@ def _line(report: Report) -> list[str]:
     send, window_mill = window["send"], window["mill"]
     return [
         f"  line at {send['baud']} baud, true speed, {send['elapsed_s']:.1f} s (window)",
-        f"    held {send['xoff_count']} times, {send['held_s']:.1f} s; {send['utilisation'] * 100:.1f} % used when free",
+        f"    held {send['xoff_count']} times, {send['held_s']:.1f} s; {100 * send['utilisation']:.1f} % used else",
         f"    at most {window_mill['overshoot_bytes_max']} bytes arrived after a stop began",
         f"    feed override {window['feed_override_percent']:g} %, so that the control asks often",
         f"  whole program, {mill['time_scale']:g} times as fast as life (scaled figures)",
