@@ -27,6 +27,7 @@ class SearchEnd(Enum):
     """How the search for one pass ended; the value is the sentence for the user."""
 
     FITTED = "the spline keeps its tolerance"
+    NOT_BOUNDED = "more spans do not bring its bound below the tolerance"
     TOO_MANY_SPANS = "no spline with the largest number of spans tried keeps the tolerance"
 
 

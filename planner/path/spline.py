@@ -25,10 +25,11 @@ class FittedSpline:
     method: Method
 
 
-def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[FittedSpline]:
+def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float, rounds: int = 8) -> list[FittedSpline]:
     """One cubic B-spline a curve, bounded within the tolerance, ends on the curve's ends; (F5) to (F11).
 
-    Raises InputRejected with the pass and the distance reached where the tolerance cannot be kept.
+    A pass whose bound fails is aimed again lower, `rounds` times at most. Raises InputRejected with the pass and the
+    distance reached where the tolerance cannot be kept.
     """
     if not curves:
         return []
@@ -36,7 +37,7 @@ def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[Fitted
     search.run()
     table = patch_table(curves)
     done: dict[int, FittedSpline] = {}
-    while len(done) < len(curves):
+    for turn in range(rounds):
         rows = [row for row in range(len(curves)) if row not in done]
         splines = [PlaneSpline(3, search.found[row].knots, search.found[row].control_points) for row in rows]
         bounds = certify_all([curves[row] for row in rows], splines, table)
@@ -45,10 +46,13 @@ def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[Fitted
             found = search.found[row]
             if deviation_mm <= tolerance_mm:
                 done[row] = FittedSpline(spline, deviation_mm, method)
-            elif search.ends[row] is not SearchEnd.FITTED or found.spans >= MOST_SPANS:
+            elif search.ends[row] is not SearchEnd.FITTED or found.spans >= MOST_SPANS or turn == rounds - 1:
+                end = SearchEnd.NOT_BOUNDED if search.ends[row] is SearchEnd.FITTED else search.ends[row]
                 what = f"pass {row + 1} is {1e3 * deviation_mm:.3g} um off at {found.spans} spans"
-                raise InputRejected(f"{what}: {search.ends[row].value}", remedy="give a larger path_mm")
+                raise InputRejected(f"{what}: {end.value}", remedy="give a larger path_mm")
             else:
                 short[row] = min(0.95, max(0.5, 0.97 * tolerance_mm / deviation_mm))
+        if not short:
+            break
         search.tighten(short)
     return [done[row] for row in range(len(curves))]
