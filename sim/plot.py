@@ -51,9 +51,9 @@ def _draw_map(figure: Any, axes: Any, verdict: Verdict) -> None:
     for mapped in verdict.maps:
         x, y, deviation_um = _plan(mapped)
         if not mapped.is_covered.all():
-            axes.pcolormesh(x, y, np.zeros(x.shape), cmap="Greys", vmin=-1, vmax=1, shading="nearest")
+            axes.pcolormesh(x, y, np.zeros(x.shape), cmap="Greys", vmin=-1, vmax=1, shading="gouraud")
         shades = axes.pcolormesh(
-            x, y, np.ma.masked_invalid(deviation_um), cmap="RdBu_r", vmin=-limit_um, vmax=limit_um, shading="nearest"
+            x, y, np.ma.masked_invalid(deviation_um), cmap="RdBu_r", vmin=-limit_um, vmax=limit_um, shading="gouraud"
         )
         shades.set_in_layout(False)  # measuring a mesh of so many cells for the layout takes longer than drawing it
     figure.colorbar(shades, ax=axes, label="deviation in um: + material left, - gouge", shrink=0.8)

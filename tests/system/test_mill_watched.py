@@ -9,6 +9,7 @@ import select
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -38,9 +39,13 @@ def test_a_killed_console_leaves_the_job_alone_and_status_reads_both(tmp_path: P
     """(2.1, 2.2, O2)"""
     program = tmp_path / "part.mpf"
     program.write_bytes(PROGRAM)
-    env = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path), "XDG_STATE_HOME": str(tmp_path), "TERM": "xterm"}
     dnc = [sys.executable, "-m", "dnc"]
-    with MillProcess(tmp_path, "--speed", "4", "--baud", "1200") as mill:
+    # A Unix socket's path holds 107 characters, and pytest's folders are long.
+    with (
+        tempfile.TemporaryDirectory(prefix="dnc") as runtime,
+        MillProcess(tmp_path, "--speed", "4", "--baud", "1200") as mill,
+    ):
+        env = {**os.environ, "XDG_RUNTIME_DIR": runtime, "XDG_STATE_HOME": str(tmp_path), "TERM": "xterm"}
         words = [
             "--port",
             mill.ready["pty"],
