@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -70,7 +71,7 @@ class JobWatcher:
             await asyncio.sleep(self.retry_s)
 
     async def _follow(self, path: Path) -> None:
-        reader, writer = await asyncio.open_unix_connection(str(path), limit=_LINE_LIMIT_BYTES)
+        reader, writer = await _connect(path)
         self._writer = writer
         try:
             while line := await reader.readline():
@@ -94,6 +95,15 @@ class JobWatcher:
             return
         self._snapshot, self._read_s = values, self._monotonic()
         self._heard.set()
+
+
+async def _connect(path: Path) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    """Connect by the folder's descriptor: the path of a socket may hold 107 bytes only, a user's folders more."""
+    folder = os.open(path.parent, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        return await asyncio.open_unix_connection(f"/proc/self/fd/{folder}/{path.name}", limit=_LINE_LIMIT_BYTES)
+    finally:
+        os.close(folder)
 
 
 def newest_first(folder: Path) -> list[Path]:

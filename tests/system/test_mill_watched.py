@@ -9,7 +9,6 @@ import select
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -40,12 +39,9 @@ def test_a_killed_console_leaves_the_job_alone_and_status_reads_both(tmp_path: P
     program = tmp_path / "part.mpf"
     program.write_bytes(PROGRAM)
     dnc = [sys.executable, "-m", "dnc"]
-    # A Unix socket's path holds 107 characters, and pytest's folders are long.
-    with (
-        tempfile.TemporaryDirectory(prefix="dnc") as runtime,
-        MillProcess(tmp_path, "--speed", "4", "--baud", "1200") as mill,
-    ):
-        env = {**os.environ, "XDG_RUNTIME_DIR": runtime, "XDG_STATE_HOME": str(tmp_path), "TERM": "xterm"}
+    runtime = tmp_path / ("longer-than-a-socket-path-may-be-" * 4)
+    with MillProcess(tmp_path, "--speed", "4", "--baud", "1200") as mill:
+        env = {**os.environ, "XDG_RUNTIME_DIR": str(runtime), "XDG_STATE_HOME": str(tmp_path), "TERM": "xterm"}
         words = [
             "--port",
             mill.ready["pty"],
