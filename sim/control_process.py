@@ -148,10 +148,15 @@ class _Measuring:
 def _measuring(setup: Setup) -> _Measuring:
     """Reads the design now and measures the cut part at the end; draws the deviation map where one is wanted.
 
-    The probes are loaded only where a design is named: a mill that measures nothing is ready sooner.
+    The probes are loaded only where a design is named: a mill that measures nothing is ready sooner. What draws is
+    loaded before the run, so that a missing library is known before an hour of cutting and not after it.
     """
     if setup.nominal is None:
         return _Measuring(0.0, lambda _: {})
+    if setup.plot is not None:
+        from sim.plot import require_drawing
+
+        require_drawing()
     from sim.deviation import judge
     from sim.nominal import load_nominal
     from sim.tool import tool_of

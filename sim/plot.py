@@ -20,16 +20,24 @@ class PlotUnavailable(UserError):
     """matplotlib is not installed."""
 
 
+def require_drawing() -> None:
+    """Load what draws, before a long run; raises PlotUnavailable where it is not installed."""
+    try:
+        import matplotlib.backends.backend_agg
+        import matplotlib.figure  # noqa: F401 (loaded for later)
+    except ImportError:
+        raise PlotUnavailable("matplotlib is not installed; pip install 'dripmill[plot]'") from None
+
+
 def plot_deviation(verdict: Verdict, path: Path) -> None:
     """Deviation map, histogram, the stock as cut and a section through the highest scallop, as one PNG.
 
     Raises PlotUnavailable without matplotlib, InputRejected if the file cannot be written.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise PlotUnavailable("matplotlib is not installed; pip install 'dripmill[plot]'") from None
+    require_drawing()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(12, 10), layout="constrained")
     FigureCanvasAgg(figure)
     (plan, side), (relief, section) = figure.subplots(2, 2, width_ratios=[3, 2])

@@ -49,6 +49,10 @@ def command(
 
     if job is None and (plot or deviation_map or view):
         raise InputRejected("--plot, --map and --view need the design", remedy="name the job file with --job")
+    if plot is not None:
+        from sim.plot import require_drawing
+
+        require_drawing()
     nominal = load_nominal(job) if job is not None else None
     data = _bytes_of(program)
     recording = rehearse(data, load_mill_profile(profile_path(machine)))

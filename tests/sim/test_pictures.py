@@ -1,6 +1,7 @@
 import csv
 import math
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from sim.deviation import Verdict, judge
 from sim.errors import InputRejected
 from sim.export import write_map
 from sim.interpreter.canon import Line, Motion
-from sim.plot import plot_deviation
+from sim.plot import PlotUnavailable, plot_deviation, require_drawing
 from sim.section import section_at
 from sim.stock import stock_after
 from sim.tool import BallTool
@@ -131,3 +132,10 @@ def test_page_in_a_real_browser(verdict: Verdict, tmp_path: Path) -> None:
     assert "line 7" in status
     assert "N70 G1 X15 Y5" in marked
     assert scale > 0
+
+
+def test_a_missing_drawing_library_is_known_before_the_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(2.7) One sentence that names what to install, before an hour of cutting and not after it."""
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(PlotUnavailable, match=r"matplotlib is not installed; pip install 'dripmill\[plot\]'"):
+        require_drawing()
