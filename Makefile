@@ -23,7 +23,7 @@ fix: .make/test-ready
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench: .make/test-ready
+bench: .make/bench-ready
 	$(BIN)/python -m benchmarks
 
 soak: .make/test-ready
@@ -47,3 +47,7 @@ debian:
 .make/test-ready: .make/venv pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[plot,fast,web,dev]'
 	touch $@ .make/demo-ready
+
+.make/bench-ready: .make/test-ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	touch $@
