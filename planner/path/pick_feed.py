@@ -26,6 +26,7 @@ class ChainEnd(Enum):
     SETTLED = "every gap reaches the asked scallop in one place"
     RAN_OUT = "the pick feeds did not settle within their sweeps"
     LOST = "a scallop between two passes could not be measured"
+    OPEN = "no last pass brings the border behind it down to the asked scallop"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,10 @@ def solve_pick_feeds(ground: Ground, scallop_mm: float, *, accuracy_mm: float, s
             tops = tops.with_more(survey(ground, planes, scallop_mm)[1])
         peaks = survey_at(ground, planes, tops)
     planes = _with_last(ground, planes, scallop_mm, accuracy_mm)
-    return PickFeeds(planes, _trimmed(ground, peaks, planes, scallop_mm), end)
+    peaks = _trimmed(ground, peaks, planes, scallop_mm)
+    if end is ChainEnd.SETTLED and peaks.last_mm > scallop_mm + accuracy_mm:
+        end = ChainEnd.OPEN
+    return PickFeeds(planes, peaks, end)
 
 
 def _error(peaks: Peaks, scallop_mm: float) -> float:

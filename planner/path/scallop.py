@@ -165,6 +165,8 @@ def solve_cusps(
     return Cusps(foot, height, on_a, on_b, under.centre[0], touch_a.x, touch_b.x, inverse[2, 2], by_a, by_b, is_sound)
 
 
+# A guess that runs away overflows on its way out; it ends as not found.
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def solve_reaches(
     surface: OffsetSurface,
     under: OffsetPoints,
@@ -188,15 +190,13 @@ def solve_reaches(
         slack = np.sqrt(residual_mm * surface.radius_mm)
         is_found = (worst <= slack) & (touch.foot_error_mm <= 50 * slack)
         limit = 0.5 * surface.radius_mm
-        with np.errstate(divide="ignore", invalid="ignore"):
-            height += np.clip(_finite(short / facing), -limit, limit)
+        height += np.clip(_finite(short / facing), -limit, limit)
         on_pass += touch.step
         if is_found.all():
             break
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope_u = -dot(touch.toward, under.contact_u + height * under.normal_u) / facing
-        slope_v = -dot(touch.toward, under.contact_v + height * under.normal_v) / facing
-        by_plane = touch.lift / facing
+    slope_u = -dot(touch.toward, under.contact_u + height * under.normal_u) / facing
+    slope_v = -dot(touch.toward, under.contact_v + height * under.normal_v) / facing
+    by_plane = touch.lift / facing
     is_sound = is_found & (facing < 0) & (np.abs(height) < 2 * surface.radius_mm)
     return Reaches(height, on_pass, touch.x, by_plane, np.stack([slope_u, slope_v]), is_sound)
 

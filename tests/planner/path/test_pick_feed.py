@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve, minimize_scalar
 
+from planner.errors import InputRejected
 from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
 from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
@@ -109,6 +110,15 @@ def length_within_v(layout: Layout) -> float:
     runs = np.array([[x_at(surface, y, 0.0), x_at(surface, y, 1.0)] for y in layout.planes_mm])
     planes = [DrivingPlane(0.0, float(y)) for y in layout.planes_mm]
     return sum(curve.length_mm for curve in trace(surface, seeds, planes, runs, spacing_mm=1.0))
+
+
+def test_a_border_that_no_last_pass_finishes_is_refused() -> None:
+    """(4.7) Where the patch stands too steep at its end for any pass to bring the border down, one sentence says so."""
+    knots = np.array([0.0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 6, 6, 6])
+    x, y = np.meshgrid(10.0 * np.arange(9), 10.0 * np.arange(9), indexing="ij")
+    patch = NurbsPatch(3, 3, knots, knots, np.stack([x, y, 20 * np.sin(x / 6.5) * np.cos(y / 6.5)], axis=-1))
+    with pytest.raises(InputRejected, match="no last pass brings the border behind it down to the asked scallop"):
+        lay_parallel(patch, Wishes(3.0, 0.0, 0.05, None), accuracy_mm=5e-8)
 
 
 def x_at(surface: OffsetSurface, y_mm: float, v: float) -> float:
