@@ -10,7 +10,7 @@ import numpy as np
 from planner.path.curve import ExactCurve
 from planner.path.model import Array, Method
 from planner.path.plane_spline import Index
-from planner.path.slope_table import SlopeTable, slope_table
+from planner.path.slope_table import MOST_CELLS, SlopeTable, slope_table
 from planner.path.trace import TracedCurve
 
 
@@ -35,7 +35,7 @@ def slope_source(curves: Sequence[ExactCurve], table: SlopeTable | None = None) 
     """The best source for these curves; `table` saves building that of their patch again."""
     traced = _on_one_polynomial_patch(curves)
     if traced:
-        return PatchSlopes(traced, table or slope_table(traced[0].surface))
+        return PatchSlopes(traced, table or _table_for(traced))
     own = [curve for curve in curves if isinstance(curve, EnclosedCurve)]
     if len(own) == len(curves):
         return OwnSlopes(own)
@@ -45,7 +45,25 @@ def slope_source(curves: Sequence[ExactCurve], table: SlopeTable | None = None) 
 def patch_table(curves: Sequence[ExactCurve]) -> SlopeTable | None:
     """The table of the patch that all these curves lie on, None if there is no such patch or it is rational."""
     traced = _on_one_polynomial_patch(curves)
-    return slope_table(traced[0].surface) if traced else None
+    return _table_for(traced) if traced else None
+
+
+def _table_for(curves: Sequence[TracedCurve]) -> SlopeTable:
+    """The coarsest table that bounds the curves between all their nodes, or the finest there is.
+
+    A coarse cell of a steep patch holds directions that no pass can have, and then bounds nothing.
+    """
+    counts = [curve.arc_mm.size - 1 for curve in curves]
+    rows = np.repeat(np.arange(len(curves)), counts)
+    left = np.concatenate([curve.arc_mm[:-1] for curve in curves])
+    right = np.concatenate([curve.arc_mm[1:] for curve in curves])
+    finer = 1
+    while True:
+        table = slope_table(curves[0].surface, finer)
+        low, high = PatchSlopes(curves, table).enclose(rows, left, right)
+        if np.isfinite(high - low).all() or 4 * table.cells > MOST_CELLS:
+            return table
+        finer *= 2
 
 
 def _on_one_polynomial_patch(curves: Sequence[ExactCurve]) -> list[TracedCurve]:
