@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from planner.path.curve import ExactCurve, exact_at
+from planner.path.curve import Exact, ExactCurve, exact_at
 from planner.path.model import Array, Method, PlaneSpline
 from planner.path.plane_spline import Index
 from planner.path.slope_range import SampledSlopes, SlopeSource, slope_source
@@ -80,7 +80,8 @@ def _bounds(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline], source
     table = SplineTable(splines)
     rows = np.repeat(np.arange(len(curves)), [curve.arc_mm.size for curve in curves])
     arc = np.concatenate([curve.arc_mm - curve.arc_mm[0] for curve in curves])
-    marks = _mark(table, rows, arc, table.parameters_at(rows, arc), curves)
+    known = Exact(*(np.concatenate([getattr(curve, field.name) for curve in curves]) for field in fields(Exact)))
+    marks = _mark(table, rows, arc, table.parameters_at(rows, arc), known)
     first = np.flatnonzero(np.diff(rows) == 0)
     left, right = marks.take(first), marks.take(first + 1)
     total, highest = _end_gaps(table, curves), np.zeros(len(curves))
@@ -95,14 +96,14 @@ def _bounds(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline], source
             break
         chosen = np.flatnonzero(is_loose)
         left, right = left.take(chosen), right.take(chosen)
-        middle = _mark(table, left.rows, 0.5 * (left.arc_mm + right.arc_mm), 0.5 * (left.feet + right.feet), curves)
+        arc = 0.5 * (left.arc_mm + right.arc_mm)
+        middle = _mark(table, left.rows, arc, 0.5 * (left.feet + right.feet), exact_at(curves, left.rows, arc))
         left, right = left.joined(middle), middle.joined(right)
     return total
 
 
-def _mark(table: SplineTable, rows: Index, arc_mm: Array, near: Array, curves: Sequence[ExactCurve]) -> _Marks:
-    """Marks at these places, from parameters near their feet, (F10)."""
-    exact = exact_at(curves, rows, arc_mm)
+def _mark(table: SplineTable, rows: Index, arc_mm: Array, near: Array, exact: Exact) -> _Marks:
+    """Marks at these places of the exact curves, from parameters near their feet, (F10)."""
     feet = near
     for _ in range(FOOT_STEPS):
         points, velocity, bend = table.evaluate(rows, feet)

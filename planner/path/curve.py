@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -53,10 +54,6 @@ class Nodes:
     arc_mm: Array
     points: Array
     tangents: Array
-
-    def take(self, rows: NDArray[np.intp]) -> Nodes:
-        """These curves only."""
-        return Nodes(self.arc_mm[rows], self.points[:, rows], self.tangents[:, rows])
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,9 +109,31 @@ class CurveTable:
         shares = np.linspace(0.0, 1.0, count)
         return np.stack([np.interp(shares, self._crowding[row], self._arcs[row]) for row in rows])
 
-    def nodes(self, rows: Sequence[int], count: int) -> Nodes:
-        """These curves at `count` places each, (F4)."""
-        return self.at(rows, self.places(rows, count))
+    @cached_property
+    def ends(self) -> Array:
+        """The first and the last point of every curve, (2, 2, p): end, coordinate, curve."""
+        last = np.append(self._first[1:], len(self._keys)) - 1
+        return np.stack([self._points[self._first].T, self._points[last].T])
+
+    @cached_property
+    def _coefficients(self) -> Array:
+        """Quintics (6, 2, m - 1) of rising powers of the share between a sample and the next."""
+        width = np.diff(self._keys)
+        at = np.arange(len(width))
+        return _quintic(self._state(at, width), self._state(at + 1, width)).transpose(0, 2, 1).copy()
+
+    def read(self, rows: NDArray[np.intp], arc_mm: Array) -> tuple[Array, Array]:
+        """Points and unit tangents, each (2, k, s), at arc lengths (k, s) of curve rows[i] in column i."""
+        keys = (arc_mm + self._base[rows]).T.ravel()
+        at = np.maximum(np.searchsorted(self._keys, keys) - 1, np.repeat(self._first[rows], len(arc_mm)))
+        shape = (2, *arc_mm.shape[::-1])
+        start, width = self._keys[at], self._keys[at + 1] - self._keys[at]
+        x = (keys - start) / width
+        c0, c1, c2, c3, c4, c5 = self._coefficients[:, :, at]
+        points = c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))
+        ahead = c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
+        tangents = ahead / np.sqrt(ahead[0] ** 2 + ahead[1] ** 2)
+        return points.reshape(shape).swapaxes(1, 2).copy(), tangents.reshape(shape).swapaxes(1, 2).copy()
 
     def at(self, rows: Sequence[int], arc_mm: Array) -> Nodes:
         """These curves at arc lengths (p, m)."""
@@ -122,19 +141,19 @@ class CurveTable:
         keys = (wanted + self._base[list(rows), None]).ravel()
         at = np.maximum(np.searchsorted(self._keys, keys) - 1, np.repeat(self._first[list(rows)], count))
         width = self._keys[at + 1] - self._keys[at]
-        ends = [
-            np.stack(
-                [self._points[i], self._tangents[i] * width[:, None], _bend(self._tangents[i]) * self._pull(i, width)]
-            )
-            for i in (at, at + 1)
-        ]
-        points, first = _quintic(ends[0], ends[1], ((keys - self._keys[at]) / width)[:, None])
+        c0, c1, c2, c3, c4, c5 = _quintic(self._state(at, width), self._state(at + 1, width))
+        x = ((keys - self._keys[at]) / width)[:, None]
+        points = c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))
+        first = c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
         tangents = first / np.hypot(first[:, 0], first[:, 1])[:, None]
         shape = (2, len(rows), count)
         return Nodes(wanted, np.ascontiguousarray(points.T).reshape(shape), tangents.T.reshape(shape))
 
-    def _pull(self, at: NDArray[np.intp], width: Array) -> Array:
-        return np.asarray((self._curvatures[at] * width**2)[:, None])
+    def _state(self, at: NDArray[np.intp], width: Array) -> Array:
+        """Position, first and second derivative (3, k, 2) at samples, by shares of these widths."""
+        wide = width[:, None]
+        bend = self._curvatures[at][:, None] * wide**2
+        return np.stack([self._points[at], self._tangents[at] * wide, _bend(self._tangents[at]) * bend])
 
 
 def _bend(tangents: Array) -> Array:
@@ -142,15 +161,14 @@ def _bend(tangents: Array) -> Array:
     return np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
 
 
-def _quintic(start: Array, end: Array, x: Array) -> tuple[Array, Array]:
-    """Points and first derivatives at shares x (k, 1) from (value, first, second derivative) (3, k, 2) at both ends."""
+def _quintic(start: Array, end: Array) -> Array:
+    """Coefficients (6, k, 2) of rising powers, from value, first and second derivative (3, k, 2) at 0 and at 1."""
     p0, t0, k0 = start
     gap, slope, turn = end[0] - p0 - t0 - k0 / 2, end[1] - t0 - k0, end[2] - k0
     c3 = 10 * gap - 4 * slope + turn / 2
     c4 = -15 * gap + 7 * slope - turn
     c5 = 6 * gap - 3 * slope + turn / 2
-    points = p0 + x * (t0 + x * (k0 / 2 + x * (c3 + x * (c4 + x * c5))))
-    return points, t0 + x * (k0 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
+    return np.stack([p0, t0, k0 / 2, c3, c4, c5])
 
 
 def _crowding(arc_mm: Array, curvatures: Array) -> Array:

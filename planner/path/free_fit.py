@@ -1,98 +1,134 @@
 """Cubic B-splines fitted to many curves at once, with free parametrisation: every control point and every knot moves.
 
-Gauss-Newton on the orthogonal distance, batched: one row a curve, the same number of spans in all rows. The weights
-grow with the distance, so that the largest one falls and not only their mean. Equations (F5) to (F8) of
-EQUATIONS-fitting.md. Arrays carry the coordinates w, z first: (2, p, m).
+Gauss-Newton on the orthogonal distance, batched: one row a curve, all rows' spans end to end. The weights grow with
+the distance, so that the largest one falls and not only their mean. Equations (F5) to (F9) of EQUATIONS-fitting.md.
+Arrays run over coordinates w, z or numbers of a span first, then the k places in a span, then all S spans.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.path.curve import Nodes
+from planner.path.curve import CurveTable
 from planner.path.model import Array
-from planner.path.plane_spline import Index, basis, find_spans, pieces
+from planner.path.plane_spline import Index
+from planner.path.span_batch import SpanIndex, solve_spans
 
 GIVE_UP_AFTER = 5
-FEWEST_NODES = 4.0
+PLACES = 12
+NARROWEST = 0.1  # of the mean span
+SHARES = ((np.arange(PLACES) + 0.5) / PLACES)[:, None]
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Splines of a batch: `knots` (p, n + 4), `control_points` (2, p, n), `feet` (p, m), and the `errors_mm` (p,).
+    """Splines of a batch, span by span, and how far they are from their curves.
 
-    The feet are the parameters of the nodes; an error is the largest distance at the nodes.
+    `knots` (6, S) about each span and its `points` (2, 4, S) of control; `arcs` (k, S) the arc lengths on the curve
+    opposite to the places, `on_curve` (2, k, S) the points there with unit `normals` (2, k, S), `distance` (k, S) along
+    these; `errors_mm` (p,) the largest distance of each spline.
     """
 
+    index: SpanIndex
     knots: Array
-    control_points: Array
-    feet: Array
+    points: Array
+    arcs: Array
+    on_curve: Array
+    normals: Array
+    distance: Array
     errors_mm: Array
 
     def take(self, rows: Index) -> Fit:
-        """These splines only."""
-        return Fit(self.knots[rows], self.control_points[:, rows], self.feet[rows], self.errors_mm[rows])
+        """These splines only; the rows rise."""
+        spans = self.index.spans_of(rows)
+        parts = {name: getattr(self, name)[..., spans] for name in _BY_SPAN}
+        return replace(self, index=SpanIndex.of(self.index.counts[rows]), errors_mm=self.errors_mm[rows], **parts)
 
     def put(self, rows: Index, other: Fit) -> None:
-        """Overwrite these rows."""
-        self.knots[rows], self.control_points[:, rows] = other.knots, other.control_points
-        self.feet[rows], self.errors_mm[rows] = other.feet, other.errors_mm
+        """Overwrite these rows, which rise, by the other's."""
+        spans = self.index.spans_of(rows)
+        for name in _BY_SPAN:
+            getattr(self, name)[..., spans] = getattr(other, name)
+        self.errors_mm[rows] = other.errors_mm
+
+    def spline(self, row: int) -> tuple[Array, Array]:
+        """Knots (n + 4,) and control points (n, 2) of one spline."""
+        first, last = self.index.firsts[row], self.index.lasts[row]
+        near, points = self.knots[:, first : last + 1], self.points[:, :, first : last + 1]
+        knots = np.concatenate([near[:1, 0], near[:, 0], near[5, 1:], near[5, -1:]])
+        return knots, np.concatenate([points[:, :, 0], points[:, 3, 1:]], axis=1).T.copy()
 
 
-def start_fit(nodes: Nodes, knots: Array, feet: Array) -> Fit:
-    """Least squares in both coordinates with the feet (p, m) as parameters, ends held: where the iteration starts."""
-    spans = find_spans(knots, feet)
-    rows, count = knots.shape[0], knots.shape[1] - 4
-    matrix = np.zeros((*spans.shape, count))
-    grid = np.arange(spans.size).reshape(spans.shape) * count + spans - 3
-    matrix.reshape(-1)[grid + np.arange(4)[:, None, None]] = basis(knots, feet, spans)[0]
-    points = nodes.points.transpose(1, 2, 0)
-    ends = points[:, [0, -1]]
-    right = points - matrix[:, :, [0, -1]] @ ends
-    inner = matrix[:, :, 1:-1]
-    across = inner.transpose(0, 2, 1)
-    middle = np.linalg.solve(across @ inner + 1e-12 * np.eye(count - 2), across @ right)
-    control_points = np.concatenate([ends[:, :1], middle, ends[:, 1:]], axis=1).transpose(2, 0, 1)
-    fit = Fit(knots.copy(), np.ascontiguousarray(control_points), feet, np.zeros(rows))
-    return project(nodes, fit, steps=2)[0]
+_BY_SPAN = ("knots", "points", "arcs", "on_curve", "normals", "distance")
 
 
-def project(nodes: Nodes, fit: Fit, *, steps: int) -> tuple[Fit, Array]:
-    """The fit with its feet moved to where the curve's normal at each node meets the spline, (F5).
+def places_in(knots: Array) -> Array:
+    """The parameters (k, S) of the places in spans with knots (6, S)."""
+    return np.asarray(knots[2] + SHARES * (knots[3] - knots[2]))
 
-    Also the signed distances (p, m) along those normals, mm, carried to the moved feet to first order.
+
+def start_fit(table: CurveTable, rows: Index, knots: Sequence[Array], arcs: Array) -> Fit:
+    """Least squares in both coordinates against the curves at these arc lengths, ends held: where iteration starts.
+
+    `knots` (s + 7,) a spline, `arcs` (k, S).
     """
-    form = pieces(fit.knots, fit.control_points)
-    feet, (cosine, sine) = fit.feet, nodes.tangents
-    last = fit.knots[:, -1:]
+    index = SpanIndex.of(np.array([len(one) - 7 for one in knots]))
+    begins = np.cumsum([0, *(len(one) for one in knots[:-1])])
+    window = begins[index.owners] + index.ranks + 1 + np.arange(6)[:, None]
+    near = np.concatenate(knots)[window]
+    values = _basis_at(near)
+    points, _ = table.read(rows[index.owners], arcs)
+    begin, end = table.ends[:, :, rows]
+    free = values.copy()
+    free[0, :, index.firsts] = free[3, :, index.lasts] = 0.0
+    held = values[0, :, None, index.firsts] * begin.T[:, None], values[3, :, None, index.lasts] * end.T[:, None]
+    points[:, :, index.firsts] -= held[0].transpose(2, 1, 0)
+    points[:, :, index.lasts] -= held[1].transpose(2, 1, 0)
+    blocks = np.einsum("aks,bks->abs", free, free)[:, None, :, None]
+    right = np.einsum("aks,cks->acs", free, points)[:, None]
+    found = solve_spans(blocks, right, index, np.zeros(len(rows)))[:, 0].transpose(1, 0, 2).copy()
+    found[:, 0, index.firsts], found[:, 3, index.lasts] = begin, end
+    return measure(table, rows, index, near, found, arcs, steps=2)
+
+
+def measure(
+    table: CurveTable, rows: Index, index: SpanIndex, knots: Array, points: Array, arcs: Array, *, steps: int
+) -> Fit:
+    """The splines with the arc lengths moved to the feet of the places on the curves, (F5), and the distances there."""
+    c0, c1, c2, c3 = _powers_of(knots, points)
+    x = SHARES * (knots[3] - knots[2])
+    places = c0 + x * (c1 + x * (c2 + x * c3))
+    owners = rows[index.owners]
+    longest = table.lengths_mm[owners]
     for _ in range(steps):
-        points, velocity = form.evaluate(feet)
-        gap = points - nodes.points
-        ahead = (gap[0] * cosine + gap[1] * sine) / (velocity[0] * cosine + velocity[1] * sine)
-        moved = np.minimum(np.maximum(feet - ahead, 0.0), last)
-        distance = gap[1] * cosine - gap[0] * sine + (moved - feet) * (velocity[1] * cosine - velocity[0] * sine)
-        feet = moved
-    return Fit(fit.knots, fit.control_points, feet, np.abs(distance).max(axis=1)), distance
+        on_curve, tangents = table.read(owners, arcs)
+        gap = places - on_curve
+        arcs = np.clip(arcs + gap[0] * tangents[0] + gap[1] * tangents[1], 0.0, longest)
+    distance = gap[1] * tangents[0] - gap[0] * tangents[1]
+    normals = np.stack([-tangents[1], tangents[0]])
+    errors_mm = index.largest(np.abs(distance).max(axis=0))
+    return Fit(index, knots, points, arcs, on_curve, normals, distance, errors_mm)
 
 
-def improve(nodes: Nodes, fit: Fit, *, powers: Array, targets_mm: Array) -> Fit:
+def improve(table: CurveTable, rows: Index, fit: Fit, *, powers: Array, targets_mm: Array) -> Fit:
     """The fit after one damped Gauss-Newton step for every power of `powers`: 2 is least squares, more nears minimax.
 
     A step that raises its own sum of powers is dropped and the damping raised, row by row (F8). A row stops when it
     reaches its target of `targets_mm` (p,), or when it is far from it and has gained less than a tenth in some steps.
     """
-    best = Fit(fit.knots.copy(), fit.control_points.copy(), fit.feet.copy(), fit.errors_mm.copy())
+    best = fit.take(np.arange(len(rows)))
     live = np.flatnonzero(fit.errors_mm > targets_mm)
-    fit, part, damping = fit.take(live), nodes.take(live), np.full(len(live), 1e-4)
+    fit, damping = fit.take(live), np.full(len(live), 1e-4)
     history: list[Array] = []
     for power in powers:
         if not len(live):
             break
-        fit, damping = _step(part, fit, float(power), damping)
-        is_better = fit.errors_mm < best.errors_mm[live]
-        best.put(live[is_better], fit.take(np.flatnonzero(is_better)))
+        fit, damping = _step(table, rows[live], fit, int(power), damping)
+        is_better = np.flatnonzero(fit.errors_mm < best.errors_mm[live])
+        best.put(live[is_better], fit.take(is_better))
         reached = best.errors_mm[live]
         history.append(reached)
         is_open = reached > targets_mm[live]
@@ -101,103 +137,136 @@ def improve(nodes: Nodes, fit: Fit, *, powers: Array, targets_mm: Array) -> Fit:
             is_open &= (gain**2 > reached / targets_mm[live]) | (gain > 1.1)
         if not is_open.all():
             kept = np.flatnonzero(is_open)
-            live, fit, part, damping = live[kept], fit.take(kept), part.take(kept), damping[kept]
+            live, fit, damping = live[kept], fit.take(kept), damping[kept]
             history = [values[kept] for values in history]
     return best
 
 
-def _step(nodes: Nodes, fit: Fit, power: float, damping: Array) -> tuple[Fit, Array]:
+def _step(table: CurveTable, rows: Index, fit: Fit, power: int, damping: Array) -> tuple[Fit, Array]:
     """One damped Gauss-Newton step on the sum of this power of the distances, and the new damping (p,)."""
-    distance, jacobian = linearise(nodes, fit)
-    floor = _floors(fit)
-    # Knots beside an interval at its floor stay, or every step would be cut to nothing.
-    is_held = np.diff(fit.knots[:, 3:-3], axis=1) <= 1.05 * floor
-    first = jacobian.shape[2] - (fit.knots.shape[1] - 8)
-    jacobian[:, :, first:] *= ~(is_held[:, None, :-1] | is_held[:, None, 1:])
-    largest = np.maximum(np.abs(distance).max(axis=1, keepdims=True), np.finfo(float).tiny)
-    share = np.abs(distance) / largest
-    weight = (share + 1e-3) ** (power - 2.0)
-    weighted = (jacobian * weight[..., None]).transpose(0, 2, 1)
-    matrix = weighted @ jacobian
-    diagonal = np.einsum("pii->pi", matrix)
-    diagonal += damping[:, None] * diagonal + 1e-9 * diagonal.max(axis=1, keepdims=True)
-    step = np.linalg.solve(matrix, weighted @ distance[..., None])[..., 0] / (1.0 - power)
-    moved, new_distance = project(nodes, _move(fit, step, floor), steps=2)
-    is_better = ((np.abs(new_distance) / largest) ** power).sum(axis=1) < (share**power).sum(axis=1)
-    moved.put(np.flatnonzero(~is_better), fit.take(np.flatnonzero(~is_better)))
+    index = fit.index
+    largest = np.maximum(fit.errors_mm, np.finfo(float).tiny)[index.owners]
+    share = np.abs(fit.distance) / largest
+    blocks, right = _normal_equations(linearise(fit), fit.distance, _power(share + 1e-3, power - 2))
+    step = solve_spans(blocks, right, index, damping)[:, :, 0] / (1.0 - power)
+    knots, points = _move(fit, step)
+    moved = measure(table, rows, index, knots, points, fit.arcs, steps=2)
+    before = index.total(_power(share, power).sum(axis=0))
+    after = index.total(_power(np.abs(moved.distance) / largest, power).sum(axis=0))
+    is_better = after < before
+    kept = np.flatnonzero(~is_better)
+    moved.put(kept, fit.take(kept))
     return moved, np.where(is_better, 0.2 * damping, 10.0 * damping)
 
 
-def _move(fit: Fit, step: Array, floor: Array) -> Fit:
-    """The fit moved by unknowns (p, 3n - 8); shortened where a knot interval would halve or fall below its floor."""
-    rows, inner = len(fit.knots), fit.control_points.shape[2] - 2
-    points, knots = step[:, : 2 * inner].reshape(rows, 2, inner), step[:, 2 * inner :]
-    widths = np.diff(fit.knots[:, 3:-3], axis=1)
-    growth = np.empty_like(widths)
-    growth[:, :-1], growth[:, -1] = knots, 0.0
-    growth[:, 1:] -= knots
+def _power(values: Array, power: int) -> Array:
+    """Whole powers by multiplication, which every processor rounds alike."""
+    total, factor = np.ones_like(values), values
+    while power:
+        if power & 1:
+            total = total * factor
+        factor, power = factor * factor, power >> 1
+    return total
+
+
+def _normal_equations(jacobian: Array, distance: Array, weight: Array) -> tuple[Array, Array]:
+    """Blocks (6, 3, 6, 3, S) and right sides (6, 3, 1, S) of every span, in windows of six groups (w, z, knot).
+
+    Control point j shares a group with knot j + 2, so that the fourteen numbers of a span lie close together.
+    """
+    slots = np.concatenate([3 * np.arange(1, 5), 3 * np.arange(1, 5) + 1, 3 * np.arange(6) + 2])
+    spans = jacobian.shape[2]
+    blocks, right = np.zeros((18, 18, spans)), np.zeros((18, spans))
+    for number, slot in enumerate(slots):
+        weighted = weight * jacobian[number]
+        products = np.einsum("aks,ks->as", jacobian[number:], weighted)
+        blocks[slot, slots[number:]] = products
+        blocks[slots[number:], slot] = products
+        right[slot] = np.einsum("ks,ks->s", distance, weighted)
+    return blocks.reshape(6, 3, 6, 3, spans), right.reshape(6, 3, 1, spans)
+
+
+def _move(fit: Fit, step: Array) -> tuple[Array, Array]:
+    """Knots and control points moved by unknowns (6, 3, S), less where an interval would halve or grow too narrow."""
+    index, widths = fit.index, fit.knots[3] - fit.knots[2]
+    growth = step[3, 2] - step[2, 2]
+    floor = NARROWEST * (index.total(widths) / index.counts)[index.owners]
     room = np.clip(widths - floor, 0.0, 0.5 * widths)
-    share = np.where(growth < -room, room / np.maximum(-growth, room + np.finfo(float).tiny), 1.0).min(axis=1)
-    new_knots, new_points = fit.knots.copy(), fit.control_points.copy()
-    new_knots[:, 4:-4] += share[:, None] * knots
-    new_points[:, :, 1:-1] += (share[:, None, None] * points).transpose(1, 0, 2)
-    return Fit(new_knots, new_points, fit.feet, fit.errors_mm)
+    share = np.where(growth < -room, room / np.maximum(-growth, room + np.finfo(float).tiny), 1.0)
+    least = -index.largest(-share)[index.owners]
+    return fit.knots + least * step[:, 2], fit.points + least * step[1:5, :2].transpose(1, 0, 2)
 
 
-def _floors(fit: Fit) -> Array:
-    """The least width (p, spans) that leaves each knot interval its fewest nodes."""
-    rows, spans = len(fit.knots), fit.knots.shape[1] - 7
-    places = find_spans(fit.knots, fit.feet) - 3 + spans * np.arange(rows)[:, None]
-    counts = np.bincount(places.ravel(), minlength=rows * spans).reshape(rows, spans)
-    return np.asarray(FEWEST_NODES / np.maximum(counts, 1) * np.diff(fit.knots[:, 3:-3], axis=1))
-
-
-def linearise(nodes: Nodes, fit: Fit) -> tuple[Array, Array]:
-    """Distances (p, m) and their derivatives (p, m, 3n - 8): by inner control points' w, by their z, by inner knots.
+def linearise(fit: Fit) -> Array:
+    """Derivatives (14, k, S) of the distances by a span's control points' w, by their z, by its six knots.
 
     De Boor's scheme on the control points' own distances, then backwards through it for the derivatives, (F6), (F7).
+    The held ends' are 0, and those of knots beside an interval at its narrowest.
     """
-    spans = find_spans(fit.knots, fit.feet)
-    rows, count = np.arange(len(spans))[:, None], fit.control_points.shape[2]
-    fall, run = nodes.tangents[1], nodes.tangents[0]
-    near = fit.knots.reshape(-1)[rows * (count + 4) + spans + np.arange(-2, 4)[:, None, None]]
-    legs = rows * count + spans + np.arange(-3, 1)[:, None, None]
-    gap = fit.control_points.reshape(2, -1)[:, legs] - nodes.points[:, None]
-    levels = [gap[1] * run - gap[0] * fall]
+    near, at = fit.knots, places_in(fit.knots)
+    fall, run = fit.normals
+    on_curve = fit.on_curve[0] * fall + fit.on_curve[1] * run
+    level = fit.points[0][:, None] * fall + fit.points[1][:, None] * run - on_curve
     shares, rates = [], []
     for depth in (1, 2, 3):
-        width = near[3 : 7 - depth] - near[depth - 1 : 3]
-        share, rise = (fit.feet - near[depth - 1 : 3]) / width, np.diff(levels[-1], axis=0)
-        levels.append(levels[-1][:-1] + share * rise)
+        narrow = 1.0 / (near[3 : 7 - depth] - near[depth - 1 : 3])[:, None]
+        share, rise = (at - near[depth - 1 : 3, None]) * narrow, np.diff(level, axis=0)
+        level = level[:-1] + share * rise
         shares.append(share)
-        rates.append(rise / width)
-    by_knot = np.zeros_like(near)
-    by_point = np.ones_like(spans[None], dtype=np.float64)
+        rates.append(rise * narrow)
+    found = np.zeros((14, *at.shape))
+    by_knot, by_point = found[8:], np.ones((1, *at.shape))
     for depth in (3, 2, 1):
         upper = by_point * shares[depth - 1]
         lower = by_point - upper
         by_knot[depth - 1 : 3] -= lower * rates[depth - 1]
         by_knot[3 : 7 - depth] -= upper * rates[depth - 1]
-        by_point = np.empty((5 - depth, *spans.shape))
+        by_point = np.empty((5 - depth, *at.shape))
         by_point[:-1], by_point[-1] = lower, 0.0
         by_point[1:] += upper
-    values = np.concatenate([-by_point * fall, by_point * run, by_knot])
-    free = 3 * count - 8
-    jacobian = np.zeros((*spans.shape, free + 1))
-    base = np.arange(spans.size).reshape(spans.shape) * (free + 1)
-    jacobian.reshape(-1)[base + _columns(count)[:, spans - 3]] = values
-    return levels[3][0], jacobian[:, :, :free]
+    found[0:4], found[4:8] = by_point * fall, by_point * run
+    _hold(found, fit)
+    return found
 
 
-def _columns(count: int) -> Index:
-    """Column (14, spans) of each of a span's fourteen numbers; those of held ends fall into one more column."""
-    spill = 3 * count - 8
-    spans = np.arange(count - 3)
-    places = np.full(count + 4, spill)
-    places[1 : count - 1] = np.arange(count - 2)
-    along = places[spans + np.arange(4)[:, None]]
-    knots = np.full(count + 4, spill)
-    knots[4:count] = 2 * (count - 2) + np.arange(count - 4)
-    return np.concatenate(
-        [along, np.where(along == spill, spill, along + count - 2), knots[spans + 1 + np.arange(6)[:, None]]]
-    )
+def _hold(jacobian: Array, fit: Fit) -> None:
+    """No derivative where nothing may move: the ends, and knots that have no room left."""
+    index = fit.index
+    jacobian[[[0], [4]], :, index.firsts] = 0.0
+    jacobian[[[3], [7]], :, index.lasts] = 0.0
+    widths = fit.knots[3] - fit.knots[2]
+    is_held = widths <= 1.05 * NARROWEST * (index.total(widths) / index.counts)[index.owners]
+    spans = np.arange(len(widths))
+    for number in range(6):
+        # The knot lies between this span of the spline and the one after it.
+        before = index.ranks + number - 3
+        is_inner = (before >= 0) & (before + 1 < index.counts[index.owners])
+        at = np.where(is_inner, spans + number - 3, 0)
+        jacobian[8 + number] *= is_inner & ~is_held[at] & ~is_held[np.minimum(at + 1, len(widths) - 1)]
+
+
+def _powers_of(knots: Array, points: Array) -> tuple[Array, Array, Array, Array]:
+    """Coefficients (2, 1, S) of rising powers from the start of every span, (F3)."""
+    k0, k1, k2, k3, k4, _ = knots
+    first = 3 * np.diff(points, axis=1) / (knots[3:6] - knots[0:3])
+    second = 2 * np.diff(first, axis=1) / (knots[3:5] - knots[1:3])
+    upper = (k2 - k1) / (k3 - k1)
+    inner = points[:, 0] + (k2 - k0) / (k3 - k0) * (points[:, 1] - points[:, 0])
+    outer = points[:, 1] + (k2 - k1) / (k4 - k1) * (points[:, 2] - points[:, 1])
+    start = inner + upper * (outer - inner)
+    slope = first[:, 0] + upper * (first[:, 1] - first[:, 0])
+    third = (second[:, 1] - second[:, 0]) / (6 * (k3 - k2))
+    return start[:, None], slope[:, None], second[:, :1] / 2, third[:, None]
+
+
+def _basis_at(knots: Array) -> Array:
+    """Values (4, k, S) of the four basis functions alive at the places of every span, (F1)."""
+    near, at = knots[:, None], places_in(knots)
+    values = np.ones((1, *at.shape))
+    for degree in (1, 2, 3):
+        low, high = near[3 - degree : 3], near[3 : 3 + degree]
+        part = values / (high - low)
+        values = np.zeros((degree + 1, *at.shape))
+        values[:-1] += (high - at) * part
+        values[1:] += (at - low) * part
+    return values

@@ -68,17 +68,6 @@ class Pieces:
     starts: Array
     coefficients: Array
 
-    def evaluate(self, parameters: Array) -> tuple[Array, Array]:
-        """Points and first derivatives, each (2, p, m), at parameters (p, m)."""
-        rows, spans = self.starts.shape
-        at = np.zeros(parameters.shape, dtype=np.intp)
-        for column in range(1, spans):
-            at += parameters >= self.starts[:, column, None]
-        at += np.arange(rows)[:, None] * spans
-        c0, c1, c2, c3 = self.coefficients.reshape(4, 2, -1)[:, :, at]
-        x = parameters - self.starts.reshape(-1)[at]
-        return c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2 * c2 + x * (3 * c3))
-
 
 def pieces(knots: Array, control_points: Array) -> Pieces:
     """The batch in power form; the second derivative is linear between knots, which gives the cubic coefficient."""

@@ -13,11 +13,12 @@ from enum import Enum
 import numpy as np
 
 from planner.path.curve import CurveTable
-from planner.path.free_fit import Fit, improve, project, start_fit
+from planner.path.free_fit import PLACES, Fit, improve, places_in, start_fit
 from planner.path.model import Array
+from planner.path.plane_spline import Index
 
-SEEDS = 20
-ROWS_AT_ONCE = 32
+SEEDS = 10
+SPANS_AT_ONCE = 2000
 EXTRA_KNOTS = 4
 FROM_SCRATCH = np.concatenate([np.full(10, 2.0), np.linspace(2.0, 10.0, 20)])
 FROM_NEIGHBOUR = np.array([2.0, 2.0, 3.0, 4.0, 6.0, 8.0, 8.0, 8.0])
@@ -33,16 +34,16 @@ class SearchEnd(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One spline for one curve: `knots` (n + 4,), `control_points` (n, 2), `feet` (m,).
+    """One spline for one curve: `knots` (n + 4,), `control_points` (n, 2), `arcs` (k, spans) of its places' feet.
 
-    `error_mm` is the largest distance at the nodes, `worst` the foot where it is.
+    `error_mm` is the largest distance at the places, `worst` the span where it is.
     """
 
     knots: Array
     control_points: Array
-    feet: Array
+    arcs: Array
     error_mm: float
-    worst: float
+    worst: int
 
     @property
     def spans(self) -> int:
@@ -52,10 +53,10 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where an iteration starts: `knots` (n + 4,) and `feet` (m,), the parameters of the nodes, relative to length."""
+    """Where an iteration starts: `knots` (n + 4,) and `arcs` (k, spans) of the places' feet, relative to the length."""
 
     knots: Array
-    feet: Array
+    arcs: Array
 
     @property
     def spans(self) -> int:
@@ -156,55 +157,54 @@ class SpanSearch:
         fewest = min(side.spans for side in sides)
         sides = [side for side in sides if side.spans == fewest]
         knots = np.mean([side.knots for side in sides], axis=0)
-        return Start(knots, np.mean([side.feet for side in sides], axis=0))
+        return Start(knots, np.mean([side.arcs for side in sides], axis=0))
 
     def _even(self, row: int, spans: int) -> Start:
-        """Knots crowded like the nodes, the arc length as parameter."""
-        length_mm = self._table.lengths_mm[row]
-        inner = self._table.places([row], spans + 1)[0] / length_mm
+        """Knots crowded where the curvature changes, the arc length as parameter."""
+        inner = self._table.places([row], spans + 1)[0] / self._table.lengths_mm[row]
         knots = np.concatenate([np.zeros(3), inner, np.ones(3)])
-        return Start(knots, self._table.places([row], node_count(spans))[0] / length_mm)
+        return Start(knots, _places(knots))
 
     def _fit(self, starts: dict[int, Start], powers: Array) -> dict[int, Candidate]:
-        """Iterate all starts, in batches of the same number of spans."""
+        """Iterate all starts, in batches of about the same number of spans."""
+        rows = np.array(sorted(starts, key=lambda row: (starts[row].spans, row)), np.intp)
+        total = np.cumsum([starts[row].spans for row in rows])
         done: dict[int, Candidate] = {}
-        for spans in sorted({start.spans for start in starts.values()}):
-            rows = [row for row, start in starts.items() if start.spans == spans]
-            for at in range(0, len(rows), ROWS_AT_ONCE):
-                some = rows[at : at + ROWS_AT_ONCE]
-                done.update(self._fit_batch(some, [starts[row] for row in some], powers))
+        for batch in np.split(rows, np.flatnonzero(np.diff(total // SPANS_AT_ONCE)) + 1):
+            done.update(self._fit_batch(batch, [starts[row] for row in batch], powers))
         return done
 
-    def _fit_batch(self, rows: list[int], starts: list[Start], powers: Array) -> dict[int, Candidate]:
-        lengths_mm = self._table.lengths_mm[rows][:, None]
-        nodes = self._table.nodes(rows, node_count(starts[0].spans))
-        knots = np.stack([start.knots for start in starts]) * lengths_mm
-        fit = start_fit(nodes, knots, np.stack([start.feet for start in starts]) * lengths_mm)
-        fit, distance = project(nodes, improve(nodes, fit, powers=powers, targets_mm=self._aims_mm[rows]), steps=1)
-        worst = np.abs(distance).argmax(axis=1)
-        return {row: _candidate(fit, at, int(worst[at])) for at, row in enumerate(rows)}
+    def _fit_batch(self, rows: Index, starts: list[Start], powers: Array) -> dict[int, Candidate]:
+        if not starts:
+            return {}
+        lengths_mm = self._table.lengths_mm[rows]
+        knots = [start.knots * length for start, length in zip(starts, lengths_mm, strict=True)]
+        arcs = [start.arcs * length for start, length in zip(starts, lengths_mm, strict=True)]
+        fit = start_fit(self._table, rows, knots, np.concatenate(arcs, axis=1))
+        fit = improve(self._table, rows, fit, powers=powers, targets_mm=self._aims_mm[rows])
+        return {int(row): _candidate(fit, at) for at, row in enumerate(rows)}
 
 
-def node_count(spans: int) -> int:
-    """How many places of a curve a spline of so many spans is fitted to."""
-    return 10 * spans + 13
+def _places(knots: Array) -> Array:
+    """The places (k, spans) of one spline with knots (n + 4,)."""
+    return places_in(np.lib.stride_tricks.sliding_window_view(knots[1:-1], 6).T)
 
 
-def _candidate(fit: Fit, at: int, worst: int) -> Candidate:
-    points = fit.control_points[:, at].T.copy()
-    return Candidate(fit.knots[at].copy(), points, fit.feet[at].copy(), float(fit.errors_mm[at]), fit.feet[at, worst])
+def _candidate(fit: Fit, at: int) -> Candidate:
+    knots, control_points = fit.spline(at)
+    spans = slice(fit.index.firsts[at], fit.index.lasts[at] + 1)
+    worst = int(np.abs(fit.distance[:, spans]).max(axis=0).argmax())
+    return Candidate(knots, control_points, fit.arcs[:, spans].copy(), float(fit.errors_mm[at]), worst)
 
 
 def _start_of(candidate: Candidate) -> Start:
     length_mm = candidate.knots[-1]
-    return Start(candidate.knots / length_mm, candidate.feet / length_mm)
+    return Start(candidate.knots / length_mm, candidate.arcs / length_mm)
 
 
 def _with_knot(candidate: Candidate) -> Start:
     """The candidate's parametrisation with one more knot, in the middle of the span where it is worst."""
-    knots, length_mm = candidate.knots, candidate.knots[-1]
-    span = min(int(np.searchsorted(knots[4:-4], candidate.worst)), candidate.spans - 1)
-    more = np.insert(knots, span + 4, 0.5 * (knots[span + 3] + knots[span + 4]))
-    shares = np.linspace(0.0, 1.0, node_count(candidate.spans + 1))
-    feet = np.interp(shares, np.linspace(0.0, 1.0, candidate.feet.size), candidate.feet)
-    return Start(more / length_mm, feet / length_mm)
+    knots, at = candidate.knots, candidate.worst + 3
+    more = np.insert(knots, at + 1, 0.5 * (knots[at] + knots[at + 1]))
+    arcs = np.interp(_places(more).T.ravel(), _places(knots).T.ravel(), candidate.arcs.T.ravel())
+    return Start(more / knots[-1], arcs.reshape(-1, PLACES).T / knots[-1])

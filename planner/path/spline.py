@@ -13,7 +13,7 @@ from planner.path.slope_range import patch_table
 from planner.path.span_search import SearchEnd, SpanSearch
 
 MOST_SPANS = 400
-AIM = 0.92
+AIM = 0.9  # of the tolerance, at the places of the spans; the distance between them comes on top
 
 
 @dataclass(frozen=True, slots=True)
