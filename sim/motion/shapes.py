@@ -137,6 +137,9 @@ class PolynomialShape:
         self._motion = motion
         self._numerator = np.array(motion.coefficients, dtype=float)
         self._denominator = np.array(motion.denominator, dtype=float)
+        self._tops = _derivatives(self._numerator, 3)
+        self._bottoms = _derivatives(self._denominator[:, None], 3)
+        self._is_rational = bool(np.any(self._denominator[1:])) or self._denominator[0] != 1.0
         fine = np.linspace(0.0, motion.length, 65)
         arcs = np.concatenate([[0.0], np.cumsum(self._arc(fine[:-1], fine[1:]))])
         self.length_mm = float(arcs[-1])
@@ -162,6 +165,8 @@ class PolynomialShape:
         parameter = fine[cell] + (wanted - arcs[cell]) / span * (fine[cell + 1] - fine[cell])
         for _ in range(6):
             error = arcs[cell] + self._arc(fine[cell], parameter) - wanted
+            if np.abs(error).max() <= 1e-13 * self.length_mm:
+                break
             parameter = np.clip(parameter - error / self._speed(parameter), fine[cell], fine[cell + 1])
         self._parameters, self._rates = parameter, 1.0 / self._speed(parameter)
 
@@ -195,12 +200,10 @@ class PolynomialShape:
 
     def _derive(self, parameter: Array, order: int) -> list[Array]:
         """The curve and its derivatives by the parameter up to `order`, each (n, 3)."""
-        top, bottom = [], []
-        numerator, denominator = self._numerator, self._denominator
-        for _ in range(order + 1):
-            top.append(_horner(numerator, parameter))
-            bottom.append(_horner(denominator[:, None], parameter))
-            numerator, denominator = _differentiate(numerator), _differentiate(denominator)
+        top = [_horner(coefficients, parameter) for coefficients in self._tops[: order + 1]]
+        if not self._is_rational:
+            return top
+        bottom = [_horner(coefficients, parameter) for coefficients in self._bottoms[: order + 1]]
         curve: list[Array] = []
         for k in range(order + 1):
             rest = sum((math.comb(k, i) * bottom[i] * curve[k - i] for i in range(1, k + 1)), np.zeros((1, 1)))
@@ -258,11 +261,13 @@ def _horner(coefficients: Array, at: Array) -> Array:
     return value
 
 
-def _differentiate(coefficients: Array) -> Array:
-    if len(coefficients) == 1:
-        return np.zeros_like(coefficients)
-    powers = np.arange(1, len(coefficients), dtype=float)
-    return np.asarray(coefficients[1:] * powers.reshape((-1,) + (1,) * (coefficients.ndim - 1)))
+def _derivatives(coefficients: Array, order: int) -> list[Array]:
+    """The coefficients (n, k) of a polynomial and of its derivatives up to `order`."""
+    found = [coefficients]
+    for _ in range(order):
+        last = found[-1]
+        found.append(last[1:] * np.arange(1.0, len(last))[:, None] if len(last) > 1 else np.zeros_like(last))
+    return found
 
 
 def _shifted(coefficients: Array, by: float) -> Array:
