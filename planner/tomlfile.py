@@ -65,7 +65,7 @@ def read_text(path: Path, *, error: type[InputRejected] = InputRejected, limit_b
         if raw.startswith(mark):
             raise error(f"begins with {name}", path=path, line=1, remedy="save it as UTF-8 without a mark")
     if not raw.strip():
-        raise error("is empty", path=path, remedy="see `dnc plan --help` for an example")
+        raise error("is empty", path=path, remedy="begin from one of those shipped in configs/")
     try:
         return raw.decode("utf-8").replace("\r\n", "\n")
     except UnicodeDecodeError as problem:

@@ -15,17 +15,22 @@ import dnc.cli
 from planner.errors import ExitCode, UserError
 
 _HIDDEN = {"main"}
+_NOT_BUILT = {"serve", "web", "compare", "config"}
 
 
 class _Commands(click.Group):
     """Loads a command's file only when it is asked for, so that `dnc send` stays light."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
+        """The names of the files of this package, as commands."""
         del ctx
         names = (found.name for found in pkgutil.iter_modules(dnc.cli.__path__))
         return sorted(name.replace("_", "-") for name in names if name not in _HIDDEN and not name.startswith("_"))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of this name, its file imported now; UsageError for a name that is reserved."""
+        if cmd_name in _NOT_BUILT:
+            raise click.UsageError(f"{cmd_name} is not built yet", ctx)
         if cmd_name not in self.list_commands(ctx):
             return None
         module = importlib.import_module(f"dnc.cli.{cmd_name.replace('-', '_')}")
@@ -61,7 +66,7 @@ def run_with(arguments: list[str]) -> int:
         click.echo("dnc: interrupted", err=True)
         return 130
     except click.ClickException as error:
-        error.show()
+        click.echo(f"dnc: {_usage_sentence(error)}", err=True)
         return int(ExitCode.USAGE)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -69,6 +74,13 @@ def run_with(arguments: list[str]) -> int:
     except Exception as error:  # noqa: BLE001 (the rim: a fault of ours becomes one sentence and a file to report)
         return _internal_fault(error)
     return result if isinstance(result, int) else 0
+
+
+def _usage_sentence(error: click.ClickException) -> str:
+    """What is wrong with the command line, and whose help tells how it is meant."""
+    what = error.format_message().rstrip(".").replace("\n", " ")
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    return f"{what[:1].lower()}{what[1:]}; see {context.command_path if context else 'dnc'} --help"
 
 
 def _internal_fault(error: Exception) -> int:

@@ -80,9 +80,12 @@ def _bytes_of(program: Path) -> bytes:
         what = "is a directory" if program.is_dir() else "is not a regular file" if program.exists() else "is not there"
         raise InputRejected(what, path=program, remedy="name a program file")
     try:
-        return program.read_bytes()
+        data = program.read_bytes()
     except OSError as problem:
         raise InputRejected(f"cannot be read: {problem.strerror}", path=program, remedy="check the rights") from None
+    if not data.strip():
+        raise InputRejected("is empty", path=program, remedy="name a program file")
+    return data
 
 
 def _verdict(nominal: Nominal, recording: Recording, pitch_mm: float | None) -> Verdict:

@@ -41,7 +41,26 @@ def test_internal_fault_is_a_sentence_and_a_file(
 
 def test_unknown_command_is_usage(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run_with(["sned"]) == ExitCode.USAGE
-    assert "No such command" in capsys.readouterr().err
+    assert capsys.readouterr().err == "dnc: no such command 'sned'; see dnc --help\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["send", "part.mpf"], "dnc: give --port PORT, or --dry-run for the virtual mill; see dnc send --help\n"),
+        (["serve"], "dnc: serve is not built yet; see dnc --help\n"),
+        (
+            ["mill", "--speed", "0"],
+            "dnc: invalid value for '--speed': 0.0 is not in the range 0.001<=x<=100000; see dnc mill --help\n",
+        ),
+    ],
+)
+def test_a_wrong_command_line_is_one_sentence(
+    words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(2.7) What is wrong and where its help is, not the whole usage."""
+    assert main.run_with(words) == ExitCode.USAGE
+    assert capsys.readouterr().err == sentence
 
 
 def test_unknown_machine_lists_the_known(capsys: pytest.CaptureFixture[str]) -> None:

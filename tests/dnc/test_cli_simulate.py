@@ -71,12 +71,15 @@ def test_motion_log_and_picture(tmp_path: Path) -> None:
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(("name", "words"), [("absent.mpf", "is not there"), (".", "is a directory")])
+@pytest.mark.parametrize(
+    ("name", "words"), [("absent.mpf", "is not there"), (".", "is a directory"), ("empty.mpf", "is empty")]
+)
 def test_a_program_that_cannot_be_read_is_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, words: str
 ) -> None:
     """(2.7) Exit 3 and one sentence, nothing written."""
     report = tmp_path / "report.json"
+    (tmp_path / "empty.mpf").touch()
     assert run_with(["simulate", str(tmp_path / name), "--report", str(report)]) == 3
     assert words in capsys.readouterr().err
     assert not report.exists()
