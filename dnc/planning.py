@@ -28,7 +28,7 @@ def limits_of(profile: MachineProfile) -> ControlLimits:
     )
 
 
-def machining_clock(profile_path: Path) -> Callable[[bytes], float]:
+def machining_clock(profile_path: Path, subprogram_folder: Path | None = None) -> Callable[[bytes], float]:
     """How long this machine takes for a program, s: the interpreter's commands, timed in closed form."""
     from sim.interpreter.run import interpret
     from sim.interpreter.settings import KnotRule, Settings
@@ -36,7 +36,8 @@ def machining_clock(profile_path: Path) -> Callable[[bytes], float]:
     from sim.profile import load_mill_profile
 
     profile = load_mill_profile(profile_path)
-    return lambda program: estimate_time_s(interpret(program, Settings(knot_rule=KnotRule(profile.knot_rule))), profile)
+    settings = Settings(knot_rule=KnotRule(profile.knot_rule), subprogram_folder=subprogram_folder)
+    return lambda program: estimate_time_s(interpret(program, settings), profile)
 
 
 def line_of(profile: MachineProfile) -> tuple[int, float]:

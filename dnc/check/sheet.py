@@ -103,9 +103,18 @@ def _sentences(found: Collection) -> list[str]:
 
 
 def program_sheet(
-    path: Path, watch: SheetWatch, found: Collection, size_bytes: int, blocks: int, need_bytes_s: float
+    path: Path,
+    watch: SheetWatch,
+    found: Collection,
+    blocks: int,
+    *,
+    need_bytes_s: float,
+    machining_s: float | None,
 ) -> str | None:
-    """The sheet as HTML, or None where the program cuts nothing; `need_bytes_s` is the worst 2 s at 120 % override."""
+    """The sheet as HTML, or None where the program cuts nothing; `need_bytes_s` is the worst 2 s at 120 % override.
+
+    Without `machining_s`, the machine's own time for the program, programmed speeds alone are counted.
+    """
     lines = watch.lines
     if not lines:
         return None
@@ -113,6 +122,7 @@ def program_sheet(
         stamp = read_stamp(file.read(4096))
         file.seek(0)
         digest = hashlib.file_digest(file, "sha256").hexdigest()
+    size_bytes = path.stat().st_size
     rate = line_bytes_s(watch.limits.profile.link)
     box = watch.limits.stock_box_mm
     words = f"ball, R {stamp.radius_mm:g}" if stamp else "not said in the program"
@@ -127,7 +137,7 @@ def program_sheet(
         low_mm=np.array(watch.low),
         high_mm=np.array(watch.high),
         cutting_s=watch.cutting_s,
-        air_s=watch.air_s,
+        air_s=watch.air_s if machining_s is None else max(machining_s - watch.cutting_s, 0.0),
         rows=(
             ("Spindle", f"{watch.spindle_rpm:g} rpm"),
             ("Feed", f"up to {watch.feed_mm_min:g} mm/min over {watch.cut_mm:.0f} mm"),

@@ -43,7 +43,7 @@ def command(
     ) as bar:
         done = check_program(program, limits, lambda at: bar.update(at - bar.pos), watch)
     if sheet is not None and watch is not None:
-        _write_sheet(sheet, program, watch, done)
+        _write_sheet(sheet, program, machine, watch, done)
     if as_json:
         click.echo(json.dumps({"program": program.name, **done.found.report(), "blocks": done.track.blocks}, indent=1))
     else:
@@ -67,12 +67,17 @@ def _limits(machine: str, job: Path | None, baud: int | None) -> Limits:
     return Limits(profile, setup.clearance_z_mm, setup.stock_box_mm)
 
 
-def _write_sheet(sheet: Path, program: Path, watch: SheetWatch, done: Check) -> None:
+def _write_sheet(sheet: Path, program: Path, machine: str, watch: SheetWatch, done: Check) -> None:
     from dnc.check.sheet import program_sheet
-    from dnc.planning import write_file
+    from dnc.planning import machining_clock, write_file
+    from dnc.profile import profile_path
     from planner.errors import InputRejected
 
-    page = program_sheet(program, watch, done.found, program.stat().st_size, done.track.blocks, done.need_bytes_s)
+    machining_s = None
+    if not done.found.has_errors:
+        machining_s = machining_clock(profile_path(machine), program.parent)(program.read_bytes())
+    need_bytes_s, blocks = done.need_bytes_s, done.track.blocks
+    page = program_sheet(program, watch, done.found, blocks, need_bytes_s=need_bytes_s, machining_s=machining_s)
     if page is None:
         raise InputRejected("cuts nothing, so there is no setup sheet", path=program, remedy="leave --sheet away")
     write_file(sheet, page.encode())

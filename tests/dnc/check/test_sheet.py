@@ -45,3 +45,14 @@ def test_picture_stays_bounded() -> None:
         start, end = ((number + step) % 500 * 0.1 for step in (0, 1))
         watch(canon.Line(1, None, (start, 0.0, 0.0), (end, 0.0, 0.0), 250.0))
     assert sum(map(len, watch.lines)) < 20_000
+
+
+def test_both_sheets_of_one_program_tell_the_same_time(tmp_path: Path) -> None:
+    """(2.6, 7.8) The sheet of the plan and that of the check know the machine's own time."""
+    program, planned, checked = (tmp_path / name for name in ("part.mpf", "plan.html", "check.html"))
+    job = str(shipped_path("jobs", "thesis"))
+    assert run_with(["plan", job, "-o", str(program), "--sheet", str(planned)]) == 0
+    assert run_with(["check", str(program), "--sheet", str(checked)]) == 0
+    times = [re.findall(r"(?:Cutting|Air) time</th><td>([0-9:]+)", page.read_text()) for page in (planned, checked)]
+    assert len(times[0]) == 2
+    assert times[0] == times[1]
