@@ -163,7 +163,7 @@ def _plan_facts(planned: Planned) -> SheetFacts:
             ("Clearance, safe Z", f"{job.setup.clearance_z_mm:g}, {job.setup.safe_z_mm:g} mm"),
             ("Spindle", f"{operation.spindle_rpm:g} rpm, coolant {operation.coolant}"),
             ("Feed", f"{operation.cut_mm_min:g} mm/min, plunge {operation.plunge_mm_min:g} mm/min"),
-            ("Passes", f"{report['passes']}, scallop {1000 * report['scallop_mm']:.1f} um"),
+            ("Passes", f"{report['passes']}, scallop {1000 * report['scallop_mm']:.1f} µm"),
             ("Program", f"{report['blocks']} blocks, {report['bytes']} bytes"),
             ("Feed limit of the line", _feed_limits(report)),
         ),

@@ -64,13 +64,13 @@ def _draw_map(figure: Any, axes: Any, verdict: Verdict) -> None:
             x, y, np.ma.masked_invalid(deviation_um), cmap="RdBu_r", vmin=-limit_um, vmax=limit_um, shading="gouraud"
         )
         shades.set_in_layout(False)  # measuring a mesh of so many cells for the layout takes longer than drawing it
-    figure.colorbar(shades, ax=axes, label="deviation in um: + material left, - gouge", shrink=0.8)
+    figure.colorbar(shades, ax=axes, label="deviation in µm: + material left, - gouge", shrink=0.8)
     for places, mark in ((verdict.scallops[:1], "^"), (verdict.gouges[:1], "v")):
         for place in places:
             axes.plot(*place.position_mm[:2], mark, color="black", markerfacecolor="none")
     axes.set(aspect="equal", xlabel="X in mm", ylabel="Y in mm")
     axes.set_title(
-        f"scallop {verdict.scallop_mm * 1000:.2f} um (triangle up), gouge {verdict.gouge_mm * 1000:.2f} um (down)\n"
+        f"scallop {verdict.scallop_mm * 1000:.2f} µm (triangle up), gouge {verdict.gouge_mm * 1000:.2f} µm (down)\n"
         f"covered {verdict.coverage * 100:.2f} %; grey: not reached"
     )
 
@@ -83,7 +83,7 @@ def _draw_histogram(axes: Any, verdict: Verdict) -> None:
     heights = np.concatenate([1000 * each.height_mm[each.is_covered] for each in verdict.maps])
     areas = np.concatenate([each.net.area_mm2[each.is_covered] for each in verdict.maps])
     axes.hist(heights, bins=120, weights=100 * areas / max(areas.sum(), 1e-300), color="#456990")
-    axes.set(xlabel="deviation in um", ylabel="share of the covered area in %", yscale="log")
+    axes.set(xlabel="deviation in µm", ylabel="share of the covered area in %", yscale="log")
     axes.set_title(f"{heights.size} probes, pitch {verdict.probe_pitch_mm:g} mm")
 
 
@@ -109,4 +109,4 @@ def _draw_section(axes: Any, verdict: Verdict) -> None:
         x, y, _ = worst.position_mm
         axes.set_title(f"section across the passes at X{x:.3f} Y{y:.3f}")
     axes.axhline(0.0, color="black", linewidth=0.6)
-    axes.set(xlabel="distance on the design in mm", ylabel="deviation in um")
+    axes.set(xlabel="distance on the design in mm", ylabel="deviation in µm")

@@ -128,7 +128,7 @@ def test_page_in_a_real_browser(verdict: Verdict, tmp_path: Path) -> None:
         page.mouse.move(x + 1, y)
         browser.close()
     assert faults == []
-    assert "deviation -30.00 um" in status
+    assert "deviation -30.00 µm" in status
     assert "line 7" in status
     assert "N70 G1 X15 Y5" in marked
     assert scale > 0
