@@ -43,20 +43,29 @@ def main() -> None:
     planes = 0.5 * np.arange(601)
     report("wave, 601 passes traced", 1, lambda: len(fixed(on_wave, planes, 1.2, 298.8)))
     for path_mm in (0.010, 0.001):
-        report(f"wave, 601 passes, {path_mm} mm", 1, lambda: spans(fixed(on_wave, planes, 1.2, 298.8), path_mm))  # noqa: B023
+        report(f"wave, 601 passes, {path_mm} mm", 1, lambda: wave_spans(on_wave, planes, path_mm))  # noqa: B023
     print(f"{'peak memory':45s} {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:8.0f} MB")
 
 
-def fixed(ground: Ground, planes_mm: np.ndarray, start_mm: float, stop_mm: float) -> list[TracedCurve]:
+def fixed(
+    ground: Ground, planes_mm: np.ndarray, start_mm: float, stop_mm: float, path_mm: float = 0.001
+) -> list[TracedCurve]:
     """Passes between two places x in planes y = const."""
     runs = np.tile([start_mm, stop_mm], (len(planes_mm), 1))
     planes = [DrivingPlane(0.0, float(y)) for y in planes_mm]
-    return trace(ground.surface, ground.seeds, planes, runs, spacing_mm=ground.station_mm / 2)
+    return trace(
+        ground.surface, ground.seeds, planes, runs, spacing_mm=ground.station_mm / 2, accuracy_mm=1e-2 * path_mm
+    )
 
 
 def spans(curves: list[TracedCurve], path_mm: float) -> int:
     """Spans of all fitted splines."""
     return sum(len(one.shape.control_points) - 3 for one in shape_passes(curves, "free", path_mm, R_MM))  # type: ignore[union-attr]
+
+
+def wave_spans(ground: Ground, planes_mm: np.ndarray, path_mm: float) -> int:
+    """Spans of the passes over the wave, traced and fitted."""
+    return spans(fixed(ground, planes_mm, 1.2, 298.8, path_mm), path_mm)
 
 
 def passes(patch: object, wishes: Wishes) -> int:

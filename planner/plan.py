@@ -76,7 +76,8 @@ def plan_job(
         raise InputRejected(what, path=job_path.parent / job.part.surface, remedy="plan each patch in its own file")
     begin = time.perf_counter()
     wishes = _wishes(job, operation, patches[0], job_path)
-    layout = lay_parallel(patches[0], wishes, accuracy_mm=1e-4 * operation.path_mm)
+    accuracy_mm, reading_mm = 1e-4 * operation.path_mm, 1e-2 * operation.path_mm
+    layout = lay_parallel(patches[0], wishes, accuracy_mm=accuracy_mm, reading_mm=reading_mm)
     kind = kind_of(job.post.control, job.post.blocks, operation.fit)
     passes = shape_passes(layout.curves, kind, operation.path_mm, wishes.radius_mm)
     tool_path = ToolPath(

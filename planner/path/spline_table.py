@@ -109,9 +109,16 @@ class SplineTable:
         )
         low, high = _bernstein_range(numerator)
         slow, fast = _bernstein_range(speed2)
-        slow = np.maximum(slow, np.finfo(float).tiny)
-        # d(kappa)/d(sigma) = numerator / speed^6; a lower bound takes the factor that makes it lower.
-        return low / np.where(low > 0, fast, slow) ** 3, high / np.where(high > 0, slow, fast) ** 3
+        # d(kappa)/d(sigma) = numerator / speed^6; a lower bound takes the factor that makes it lower. A speed that is
+        # not bounded away from zero leaves the quotient open.
+        least, most = _reciprocal_cubes(fast), _reciprocal_cubes(slow)
+        return low * np.where(low < 0, most, least), high * np.where(high > 0, most, least)
+
+
+def _reciprocal_cubes(squares: Array) -> Array:
+    """1 / x^3 (k,), infinite where x is not clearly positive."""
+    infinite = np.full_like(squares, np.inf)
+    return np.divide(1.0, squares**3, out=infinite, where=squares > np.cbrt(np.finfo(float).tiny))
 
 
 def _dot(left: list[Array], right: list[Array]) -> list[Array]:

@@ -10,12 +10,13 @@ Frame: the surface is turned so that passes run along +x and planes are y = cons
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputRejected
+from planner.path.arc_length import lengths_between, quintic, wide_gaps
 from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetPoints, OffsetSurface
 from planner.path.seeds import Seeds
@@ -31,6 +32,11 @@ class CurveSamples:
     tangents: Array
     curvatures: Array
     parameters: Array
+
+    def with_more(self, before: NDArray[np.intp], more: CurveSamples) -> CurveSamples:
+        """These points with others put in before the points of these indices."""
+        names = (field.name for field in fields(self))
+        return CurveSamples(*(np.insert(getattr(self, name), before, getattr(more, name), axis=0) for name in names))
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +68,7 @@ class TracedCurve:
 def refine_many(curves: Sequence[TracedCurve], arcs_mm: Sequence[Array]) -> list[CurveSamples]:
     """The exact curves at these arc lengths, one array a curve, all solved in the same blocks.
 
-    All curves must lie on one surface. The arc length is integrated between nodes to about 1e-9 of their spacing; the
+    All curves must lie on one surface. An arc length between nodes is known to about 1e-4 of their distance; the
     points themselves are on plane and offset surface to rounding.
     """
     starts = [_between_nodes(curve, arc) for curve, arc in zip(curves, arcs_mm, strict=True)]
@@ -78,31 +84,65 @@ def refine_many(curves: Sequence[TracedCurve], arcs_mm: Sequence[Array]) -> list
 
 
 def trace(
-    surface: OffsetSurface, seeds: Seeds, planes: Sequence[DrivingPlane], w_mm: Array, *, spacing_mm: float
+    surface: OffsetSurface,
+    seeds: Seeds,
+    planes: Sequence[DrivingPlane],
+    w_mm: Array,
+    *,
+    spacing_mm: float,
+    accuracy_mm: float,
+    rounds: int = 12,
 ) -> list[TracedCurve]:
-    """One curve a plane, from w_mm[k, 0] to w_mm[k, 1], with nodes about `spacing_mm` apart and at least 9.
+    """One curve a plane, from w_mm[k, 0] to w_mm[k, 1], with nodes at most `spacing_mm` apart and at least 9.
 
-    Raises InputRejected, naming patch and place, where the extended surface does not reach that far.
+    Gaps are halved until the curve is read between nodes within `accuracy_mm`, (11), at most `rounds` times.
+    Raises InputRejected, naming patch and place, where the extended surface does not reach that far or bends too
+    sharply.
     """
     counts = np.maximum(np.ceil((w_mm[:, 1] - w_mm[:, 0]) / spacing_mm), 8).astype(np.intp) + 1
     owner = np.repeat(np.arange(len(planes)), counts)
     rank = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     place = w_mm[owner, 0] + rank / (counts[owner] - 1) * (w_mm[owner, 1] - w_mm[owner, 0])
-    offsets = np.array([plane.offset_mm for plane in planes])[owner]
-    guess = seeds.near(np.stack([place, offsets]))
-    samples, is_found = solve_on_planes(surface, offsets, place, guess)
-    if not is_found.all():
-        lost = int(np.argmin(is_found))
-        where = f"{place[lost]:.3f} mm along the pass at {offsets[lost]:.3f} mm"
-        what = f"{surface.patch.name} cannot be carried on far enough to cut its border ({where})"
-        raise InputRejected(what, remedy="give the patch a smoother border or another angle_deg")
-    cuts = np.cumsum(counts)[:-1]
-    columns = (samples.points, samples.tangents, samples.curvatures, samples.parameters)
+    offsets = np.array([plane.offset_mm for plane in planes])
+    nodes = _solve_all(surface, offsets[owner], place, seeds.near(np.stack([place, offsets[owner]])))
+    for _ in range(rounds):
+        is_wide = wide_gaps(owner, nodes.points, nodes.tangents, nodes.curvatures, accuracy_mm=accuracy_mm)
+        wide = np.flatnonzero(is_wide)
+        if not len(wide):
+            break
+        middle = (nodes.points[wide, 0] + nodes.points[wide + 1, 0]) / 2
+        guess = (nodes.parameters[wide] + nodes.parameters[wide + 1]).T / 2
+        more = _solve_all(surface, offsets[owner[wide]], middle, guess)
+        nodes = nodes.with_more(wide + 1, more)
+        owner = np.insert(owner, wide + 1, owner[wide])
+    else:
+        where = f"{nodes.points[wide[0], 0]:.3f} mm along the pass at {offsets[owner[wide[0]]]:.3f} mm"
+        what = f"{surface.patch.name} bends too sharply for path_mm ({where})"
+        raise InputRejected(what, remedy="give a larger path_mm or a surface without that edge")
+    cuts = np.searchsorted(owner, np.arange(1, len(planes)))
+    columns = (nodes.points, nodes.tangents, nodes.curvatures, nodes.parameters)
     parts = zip(*(np.split(field, cuts) for field in columns), strict=True)
     return [
         TracedCurve(plane, _arc_lengths(points, tangents, bends), points, tangents, bends, parameters, surface)
         for plane, (points, tangents, bends, parameters) in zip(planes, parts, strict=True)
     ]
+
+
+def _solve_all(surface: OffsetSurface, offsets_mm: Array, w_mm: Array, guess: Array) -> CurveSamples:
+    """`solve_on_planes`, every point found; raises InputRejected with the first that is not."""
+    samples, is_found = solve_on_planes(surface, offsets_mm, w_mm, guess)
+    if not is_found.all():
+        lost = int(np.argmin(is_found))
+        where = f"{w_mm[lost]:.3f} mm along the pass at {offsets_mm[lost]:.3f} mm"
+        what = f"{surface.patch.name} cannot be carried on far enough to cut its border ({where})"
+        raise InputRejected(what, remedy="give the patch a smoother border or another angle_deg")
+    return samples
+
+
+def _arc_lengths(points: Array, tangents: Array, curvatures: Array) -> Array:
+    """Arc length (m,) at the nodes from the first, (9)."""
+    ends = (tangents[:-1], tangents[1:]), (curvatures[:-1], curvatures[1:])
+    return np.append(0.0, np.cumsum(lengths_between(np.diff(points[:, 0]), *ends)))
 
 
 def solve_on_planes(
@@ -163,22 +203,13 @@ def _samples(found: OffsetPoints, parameters: Array, w_mm: Array) -> CurveSample
     )
 
 
-def _arc_lengths(points: Array, tangents: Array, curvatures: Array) -> Array:
-    """Arc length at the nodes by the trapezoid rule with end correction, eq. (9): exact to the fifth order."""
-    run = np.diff(points[:, 0])
-    speed = 1 / tangents[:, 0]
-    change = curvatures * tangents[:, 1] * speed**3
-    parts = run / 2 * (speed[:-1] + speed[1:]) + run**2 / 12 * (change[:-1] - change[1:])
-    return np.append(0.0, np.cumsum(parts))
-
-
 def _between_nodes(curve: TracedCurve, arc_mm: Array) -> tuple[Array, Array]:
     """Guesses of w (k,) and (u, v) (2, k) at arc lengths, from the nodes on either side."""
     after = np.clip(np.searchsorted(curve.arc_mm, arc_mm), 1, len(curve.arc_mm) - 1)
     left, right = after - 1, after
     span = curve.arc_mm[right] - curve.arc_mm[left]
     share = np.clip((arc_mm - curve.arc_mm[left]) / span, 0.0, 1.0)
-    w_mm = _quintic(
+    w_mm = quintic(
         share,
         span,
         [curve.points[left, 0], curve.tangents[left, 0], -curve.tangents[left, 1] * curve.curvatures[left]],
@@ -187,22 +218,6 @@ def _between_nodes(curve: TracedCurve, arc_mm: Array) -> tuple[Array, Array]:
     share_w = (w_mm - curve.points[left, 0]) / (curve.points[right, 0] - curve.points[left, 0])
     guess = curve.parameters[left] + share_w[:, None] * (curve.parameters[right] - curve.parameters[left])
     return w_mm, guess.T.copy()
-
-
-def _quintic(share: Array, span: Array, left: list[Array], right: list[Array]) -> Array:
-    """Hermite interpolation of value, slope and bend at both ends of a span, eq. (9)."""
-    t = share
-    t3 = t**3
-    slope_left, slope_right = left[1] * span, right[1] * span
-    bend_left, bend_right = left[2] * span**2, right[2] * span**2
-    return np.asarray(
-        left[0]
-        + slope_left * (t - t3 * (6 - 8 * t + 3 * t * t))
-        + (right[0] - left[0]) * t3 * (10 - 15 * t + 6 * t * t)
-        - slope_right * t3 * (4 - 7 * t + 3 * t * t)
-        + 0.5 * bend_left * (t * t - 3 * t3 + 3 * t3 * t - t3 * t * t)
-        + 0.5 * bend_right * t3 * (1 - 2 * t + t * t)
-    )
 
 
 def _solve_2x2(column_u: Array, column_v: Array, right: Array) -> Array:

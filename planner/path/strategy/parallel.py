@@ -47,8 +47,11 @@ class Wishes:
     stock_mm: float = 0.0
 
 
-def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float) -> Layout:
-    """Traced passes over one patch; raises InputRejected with one sentence for what this ball cannot cut."""
+def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float, reading_mm: float = 1e-5) -> Layout:
+    """Traced passes over one patch; raises InputRejected with one sentence for what this ball cannot cut.
+
+    Scallops are solved to `accuracy_mm`; passes have nodes so near that they are read within `reading_mm`.
+    """
     ground = prepare(patch, wishes)
     gouge_mm = check_reach(ground.surface, ground.seeds.within(patch.domain), accuracy_mm)
     if wishes.scallop_mm is not None:
@@ -60,7 +63,8 @@ def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float) -> La
         assert wishes.pick_feed_mm is not None
         planes_mm = even_planes(ground, wishes.pick_feed_mm)
         peaks = survey(ground, planes_mm, wishes.pick_feed_mm**2 / (8 * wishes.radius_mm))[0]
-    return Layout(tuple(run_passes(ground, planes_mm, wishes.angle_rad)), planes_mm, peaks, ground, gouge_mm)
+    curves = run_passes(ground, planes_mm, wishes.angle_rad, accuracy_mm=reading_mm)
+    return Layout(tuple(curves), planes_mm, peaks, ground, gouge_mm)
 
 
 def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
@@ -88,7 +92,7 @@ def _place(peaks: Peaks) -> str:
     return f", near (u, v) = ({u:.4g}, {v:.4g})"
 
 
-def run_passes(ground: Ground, planes_mm: Array, angle_rad: float) -> list[TracedCurve]:
+def run_passes(ground: Ground, planes_mm: Array, angle_rad: float, *, accuracy_mm: float) -> list[TracedCurve]:
     """Every pass traced where it is needed: one curve a connected piece, in order of planes, then along +w."""
     heights = border_heights(ground.surface, ground.border, planes_mm)
     ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
@@ -100,4 +104,4 @@ def run_passes(ground: Ground, planes_mm: Array, angle_rad: float) -> list[Trace
     short = np.maximum(join_mm / 4 - (runs[:, 1] - runs[:, 0]), 0.0) / 2
     runs = runs + np.stack([-short, short], axis=1)
     planes = [DrivingPlane(angle_rad, float(planes_mm[one])) for one in owner]
-    return trace(ground.surface, ground.seeds, planes, runs, spacing_mm=ground.station_mm / 2)
+    return trace(ground.surface, ground.seeds, planes, runs, spacing_mm=ground.station_mm / 2, accuracy_mm=accuracy_mm)

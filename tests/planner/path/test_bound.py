@@ -13,6 +13,7 @@ from planner.path.plane_spline import evaluate, rounded
 from planner.path.seeds import sow
 from planner.path.slope_table import slope_table
 from planner.path.spline import fit_passes
+from planner.path.spline_table import SplineTable
 from planner.path.trace import TracedCurve, trace
 from planner.surface.patch import NurbsPatch
 from tests.planner.path.curves import random_graph
@@ -40,7 +41,7 @@ def passes_over(patch: NurbsPatch, planes_mm: list[float]) -> list[TracedCurve]:
     surface = OffsetSurface(patch, 4.0)
     seeds = sow(surface, reach_mm=8.0, a_span=2)
     planes = [DrivingPlane(0.0, plane) for plane in planes_mm]
-    return trace(surface, seeds, planes, np.tile([3.0, 47.0], (len(planes), 1)), spacing_mm=1.5)
+    return trace(surface, seeds, planes, np.tile([3.0, 47.0], (len(planes), 1)), spacing_mm=1.5, accuracy_mm=1e-5)
 
 
 def dense_distance_mm(curve: ExactCurve, spline: PlaneSpline, places: int = 4001) -> float:
@@ -113,6 +114,16 @@ def test_random_curves_never_exceed_the_bound() -> None:
 def test_ten_thousand_random_curves_never_exceed_the_bound() -> None:
     """(4.3) The same for 10,000 curves."""
     bound_of_random_curves(range(10_000))
+
+
+def test_a_spline_that_may_stand_still_leaves_the_slope_open_without_a_division_by_zero() -> None:
+    """(4.7) Where the enclosure of the speed reaches zero the bound is infinite, and nothing is divided by zero."""
+    knots = np.array([0.0, 0, 0, 0, 1, 1, 1, 1])
+    turning_back = PlaneSpline(3, knots, np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.1], [0.0, 0.1]]))
+    with np.errstate(all="raise"):
+        low, high = SplineTable([turning_back]).slope_range(np.array([0]), np.array([0.0]), np.array([1.0]))
+    assert low[0] == -np.inf
+    assert high[0] == np.inf
 
 
 def test_enclosure_holds_what_the_curve_does() -> None:

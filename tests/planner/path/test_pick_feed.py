@@ -109,7 +109,7 @@ def length_within_v(layout: Layout) -> float:
     surface, seeds = layout.ground.surface, layout.ground.seeds
     runs = np.array([[x_at(surface, y, 0.0), x_at(surface, y, 1.0)] for y in layout.planes_mm])
     planes = [DrivingPlane(0.0, float(y)) for y in layout.planes_mm]
-    return sum(curve.length_mm for curve in trace(surface, seeds, planes, runs, spacing_mm=1.0))
+    return sum(curve.length_mm for curve in trace(surface, seeds, planes, runs, spacing_mm=1.0, accuracy_mm=1e-5))
 
 
 def test_a_border_that_no_last_pass_finishes_is_refused() -> None:
