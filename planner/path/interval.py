@@ -26,10 +26,9 @@ class Range:
         return Range(self.low - other.high, self.high - other.low)
 
     def __mul__(self, other: Range) -> Range:
-        products = np.stack(
-            [self.low * other.low, self.low * other.high, self.high * other.low, self.high * other.high]
-        )
-        return Range(products.min(axis=0), products.max(axis=0))
+        low = self.low * other.low, self.low * other.high
+        high = self.high * other.low, self.high * other.high
+        return Range(np.minimum(np.minimum(*low), np.minimum(*high)), np.maximum(np.maximum(*low), np.maximum(*high)))
 
     def times(self, factor: float) -> Range:
         """Multiplied by a number."""

@@ -71,7 +71,7 @@ def slope_table(surface: OffsetSurface, finer: int = 1) -> SlopeTable:
     reach_v = patch.basis_v.first[in_v.span][:, None] + np.arange(patch.degree_v + 1)
     half = np.einsum("cia,cad->cid", in_u.weights, patch.control_points[reach_u].reshape(*reach_u.shape, -1))
     half = half.reshape(len(reach_u), patch.degree_u + 1, *patch.control_points.shape[1:])
-    nets = np.einsum("ejb,cieb...->ceij...", in_v.weights, half[:, :, reach_v])
+    nets = np.einsum("ejb,ciebd->ijdce", in_v.weights, half[:, :, reach_v]).copy()
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         slope, u_speed, v_speed = _bend_rates(surface, nets, in_u.widths[:, None], in_v.widths[None, :])
     return SlopeTable(in_u.edges, in_v.edges, _widened(slope), _widened(u_speed), _widened(v_speed))
@@ -114,15 +114,15 @@ def _cells(basis: SpanBasis, a_span: int) -> _Cells:
 
 
 def _derivative(nets: Array, by_u: int, by_v: int, u_width: Array, v_width: Array) -> Range:
-    """The range (3, i, j) of a derivative, from the Bernstein points (i, j, p + 1, q + 1, 3) of the cells."""
+    """The range (3, c, e) of a derivative, from the Bernstein points (p + 1, q + 1, 3, c, e) of the cells."""
     for _ in range(by_u):
-        nets = (nets.shape[2] - 1) * np.diff(nets, axis=2) / u_width[..., None, None, None]
+        nets = (nets.shape[0] - 1) * np.diff(nets, axis=0) / u_width
     for _ in range(by_v):
-        nets = (nets.shape[3] - 1) * np.diff(nets, axis=3) / v_width[..., None, None, None]
+        nets = (nets.shape[1] - 1) * np.diff(nets, axis=1) / v_width
     if 0 in nets.shape:
-        zero = np.zeros((3, *nets.shape[:2]))
+        zero = np.zeros(nets.shape[2:])
         return Range(zero, zero)
-    return Range(np.moveaxis(nets.min(axis=(2, 3)), -1, 0), np.moveaxis(nets.max(axis=(2, 3)), -1, 0))
+    return Range(nets.min(axis=(0, 1)), nets.max(axis=(0, 1)))
 
 
 def _bend_rates(surface: OffsetSurface, nets: Array, u_width: Array, v_width: Array) -> tuple[Range, Range, Range]:
