@@ -13,7 +13,7 @@ from functools import partial
 from sim.control import Control, Execution, Happening
 from sim.faults import Faults, Moment
 from sim.interpreter import canon
-from sim.interpreter.run import Interpreter
+from sim.interpreter.run import Interpreter, holds_block
 from sim.messages import Began, BrokeOff, Completed, Heard, Order, Power, StopReading, Took
 from sim.mill import settings_of, standing_at
 from sim.motion.machine import Machine, MachineState, Samples, StopReason
@@ -158,7 +158,7 @@ class LiveMill:
         self._line += 1
         if not raw.strip():
             return
-        self.blocks += 1
+        self.blocks += holds_block(raw)
         if self.begun_s is None:
             self.begun_s = now_s
         if self._program is None and raw.startswith(b"%_N_"):

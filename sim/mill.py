@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.interpreter import canon
-from sim.interpreter.run import interpret
+from sim.interpreter.run import holds_block, interpret
 from sim.interpreter.settings import KnotRule, Settings
 from sim.motion.machine import Machine, MachineState, Samples, StarvedInterval
 from sim.profile import MillProfile
@@ -65,7 +65,7 @@ def rehearse(data: bytes, profile: MillProfile, *, override_percent: float = 100
         starved=machine.starved,
         alarms=[command for command in commands if isinstance(command, canon.Alarm)],
         machining_time_s=machine.time_s,
-        blocks=sum(1 for line in lines if line.strip()),
+        blocks=sum(map(holds_block, lines)),
         is_completed=machine.snapshot().state is MachineState.COMPLETED,
     )
 

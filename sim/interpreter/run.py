@@ -10,7 +10,7 @@ from sim.interpreter.engine import Interpreter
 from sim.interpreter.settings import Settings
 from sim.interpreter.source import Data
 
-__all__ = ["Interpreter", "interpret", "interpret_bulk"]
+__all__ = ["Interpreter", "holds_block", "interpret", "interpret_bulk"]
 
 
 def interpret(data: Data, settings: Settings | None = None) -> Iterator[canon.Command]:
@@ -20,3 +20,9 @@ def interpret(data: Data, settings: Settings | None = None) -> Iterator[canon.Co
             yield from command.expand()
         else:
             yield command
+
+
+def holds_block(line: bytes) -> bool:
+    """Whether a line is a block: not empty, no comment alone, no header of the tape."""
+    words = line.strip(b"\r\n\0 \t")
+    return bool(words) and words[:1] not in b"%;"

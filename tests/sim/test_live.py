@@ -83,7 +83,7 @@ def test_a_program_runs_through_a_small_buffer() -> None:
     """(1.4)"""
     cable = Cable(PROGRAM).run(60.0)
     assert cable.names == ["ACTIVE", "PROGRAM_COMPLETED"]
-    assert cable.mill.blocks == 43
+    assert cable.mill.blocks == 42
     assert cable.uart.receiver.overrun_bytes == 0
     assert cable.heard.count(b"\x13") == cable.heard.count(b"\x11") > 2
     assert cable.mill.machine.snapshot().position_mm == (10.0, 1.0, 500.0)

@@ -21,7 +21,7 @@ def test_it_runs_through_stops_to_the_end() -> None:
     recording = rehearse(PROGRAM, PROFILE)
     assert recording.is_completed
     assert recording.alarms == []
-    assert recording.blocks == 6
+    assert recording.blocks == 5
     assert recording.travelled[-1].end == (20.0, 0.0, 500.0)
     assert recording.starved == []
     assert recording.samples.position_mm[-1].tolist() == [20.0, 0.0, 500.0]
