@@ -10,12 +10,18 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dnc.check.finding import Finding, Severity
 from dnc.check.track import Limits, length
 from dnc.profile import Link
 from sim.interpreter import canon
 
 WINDOW_S = 2.0
+Numbers = NDArray[np.int64]
+_NS = 1e9
+_FEW = 256
 
 
 def line_bytes_s(link: Link) -> float:
@@ -30,32 +36,76 @@ def line_bytes_s(link: Link) -> float:
 
 @dataclass(slots=True)
 class RateWindow:
-    """The worst window of 2 s at one override: most bytes a second, and where it began."""
+    """The worst window of 2 s at one override: most bytes a second, and where it began.
+
+    Times are whole nanoseconds at 100 %, so that sums are exact whichever way they are made.
+    """
 
     override: float
     worst_bytes_s: float = 0.0
     worst_line: int = 0
-    _blocks: deque[tuple[float, int, int]] = field(default_factory=deque)
-    _time_s: float = 0.0
+    _blocks: deque[tuple[int, int, int]] = field(default_factory=deque)
+    _time_ns: int = 0
     _bytes: int = 0
     _waiting_bytes: int = 0
 
-    def add(self, time_s: float, size_bytes: int, line: int) -> None:
-        """One block: its machining time at 100 %, its size on the line; what takes no time counts with the next."""
+    @property
+    def _least_ns(self) -> int:
+        return round(WINDOW_S * self.override * _NS)
+
+    def add(self, time_ns: int, size_bytes: int, line: int) -> None:
+        """One block: its machining time, its size on the line; what takes no time counts with the next."""
         self._waiting_bytes += size_bytes
-        if time_s <= 0.0:
+        if time_ns <= 0:
             return
         size_bytes, self._waiting_bytes = self._waiting_bytes, 0
-        scaled_s = time_s / self.override
-        self._blocks.append((scaled_s, size_bytes, line))
-        self._time_s += scaled_s
+        self._blocks.append((time_ns, size_bytes, line))
+        self._time_ns += time_ns
         self._bytes += size_bytes
-        while self._time_s - self._blocks[0][0] >= WINDOW_S:
-            gone_s, gone_bytes, _ = self._blocks.popleft()
-            self._time_s -= gone_s
+        while self._time_ns - self._blocks[0][0] >= self._least_ns:
+            gone_ns, gone_bytes, _ = self._blocks.popleft()
+            self._time_ns -= gone_ns
             self._bytes -= gone_bytes
-        if self._time_s >= WINDOW_S and self._bytes / self._time_s > self.worst_bytes_s:
-            self.worst_bytes_s, self.worst_line = self._bytes / self._time_s, self._blocks[0][2]
+        if self._time_ns >= self._least_ns:
+            self._compare(self._bytes / self._time_ns, self._blocks[0][2])
+
+    def add_many(self, times_ns: Numbers, sizes_bytes: Numbers, lines: Numbers) -> None:
+        """Blocks in a row, as so many calls of `add`."""
+        if len(times_ns) < _FEW or not times_ns.all():
+            for time_ns, size_bytes, line in zip(times_ns.tolist(), sizes_bytes.tolist(), lines.tolist(), strict=True):
+                self.add(time_ns, size_bytes, line)
+            return
+        old = len(self._blocks)
+        held = np.array(self._blocks, dtype=np.int64).reshape(old, 3)
+        blocks = np.vstack([held, np.column_stack([times_ns, sizes_bytes, lines])])
+        blocks[old, 1] += self._waiting_bytes
+        self._waiting_bytes = 0
+        sums = np.zeros((len(blocks) + 1, 2), dtype=np.int64)
+        np.cumsum(blocks[:, :2], axis=0, out=sums[1:])
+        ends = sums[old + 1 :]
+        firsts = np.maximum(np.searchsorted(sums[:, 0], ends[:, 0] - self._least_ns, side="right") - 1, 0)
+        spans = ends - sums[firsts]
+        rates = np.where(spans[:, 0] >= self._least_ns, spans[:, 1] / spans[:, 0], 0.0)
+        worst = int(rates.argmax())
+        self._compare(float(rates[worst]), int(blocks[firsts[worst], 2]))
+        first = int(firsts[-1])
+        self._blocks = deque((time_ns, size_bytes, line) for time_ns, size_bytes, line in blocks[first:].tolist())
+        self._time_ns, self._bytes = (int(total) for total in sums[-1] - sums[first])
+
+    def _compare(self, bytes_ns: float, line: int) -> None:
+        bytes_s = bytes_ns * _NS * self.override
+        if bytes_s > self.worst_bytes_s:
+            self.worst_bytes_s, self.worst_line = bytes_s, line
+
+
+def whole_ns(time_s: float) -> int:
+    """A time in nanoseconds."""
+    return round(time_s * _NS)
+
+
+def run_times_ns(lengths_mm: NDArray[np.float64], feeds_mm_min: NDArray[np.float64]) -> Numbers:
+    """The least times of straight cuts, nanoseconds."""
+    return np.rint(60.0 * lengths_mm / feeds_mm_min * _NS).astype(np.int64)
 
 
 def move_time_s(command: canon.Command, limits: Limits) -> float:

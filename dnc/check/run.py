@@ -9,11 +9,24 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+import numpy as np
+
 from dnc.check.finding import Collection, Finding, Severity
 from dnc.check.motion_rules import COMMAND_RULES
+from dnc.check.plain_runs import (
+    SHORTEST_RUN,
+    cut_sizes_bytes,
+    cut_times_ns,
+    doubtful,
+    see_numbers,
+    see_run,
+    steady_lines,
+    stretches,
+    takes_runs,
+)
 from dnc.check.program_rules import END_RULES, not_checked, wrong_stamp
-from dnc.check.rate import RateWindow, move_time_s, rate_findings
-from dnc.check.text_rules import LINE_RULES, UTF8_MARK, UTF16_MARKS, encoding_mark, is_clean
+from dnc.check.rate import RateWindow, move_time_s, rate_findings, whole_ns
+from dnc.check.text_rules import LINE_RULES, UTF8_MARK, UTF16_MARKS, allowed_lines, encoding_mark, is_clean
 from dnc.check.track import Limits, Track
 from dnc.check.word_rules import BLOCK_RULES, NUMBER_RULES, idle_words, iso_comment
 from dnc.errors import InputRejected
@@ -21,6 +34,8 @@ from dnc.restart import resumed_interpreter
 from planner.gcode import Block, SyntaxProblem, read_block
 from planner.post.stamp import read_stamp
 from sim.interpreter import canon
+from sim.interpreter.bulk import straight_run
+from sim.interpreter.plain import PlainLines, plain_lines
 from sim.interpreter.run import Interpreter
 from sim.interpreter.settings import Settings
 
@@ -28,6 +43,8 @@ _LINE_LIMIT_BYTES = 65536
 _STAMP_LINES = 10
 _PLAIN = re.compile(rb"(?:N(\d{1,8}) ?)?(G0?1 ?)?(?:[XYZF]-?(?:\d+\.?\d*|\.\d+) ?)+")
 _MOST_ALARMS = 100
+_MOST_SIZES = 10_000
+_CHUNK_BYTES = 1 << 18
 Progress = Callable[[int], None]
 Watch = Callable[[canon.Command], None]
 
@@ -63,12 +80,28 @@ class Check:
             self._block(body, number)
         if self._interpreter is None:
             return
-        self._sizes.append((number, len(raw)))
+        self._note_size(number, len(raw))
         commands = self._interpreter.block(body, number)
         if commands:
             self._commands(commands)
         else:
             self._idle(body, number)
+
+    def chunk(self, data: bytes, first_line: int) -> int:
+        """Check whole lines, those with plain blocks in bulk where that gives the same; the number of the next line."""
+        lines = plain_lines(data)
+        starts, is_steady = lines.starts.tolist(), steady_lines(lines) & allowed_lines(data, lines.starts, self.limits)
+        count = len(is_steady)
+        breaks = np.append(np.flatnonzero(~is_steady), count)
+        index = 0
+        while index < count:
+            stop = int(breaks[np.searchsorted(breaks, index)])
+            if stop - index >= SHORTEST_RUN and self._takes_runs(first_line + index):
+                index = self._steady(data, lines, index, stop, first_line)
+            else:
+                self.line(data[starts[index] : starts[index + 1]], first_line + index)
+                index += 1
+        return first_line + count
 
     def finish(self) -> Collection:
         """The findings, those of the whole program included."""
@@ -88,6 +121,46 @@ class Check:
         for finding in found:
             self._errors_here |= finding.severity is Severity.ERROR
             self.found.keep(finding, line, block)
+
+    def _takes_runs(self, line: int) -> bool:
+        interpreter = self._interpreter
+        return line > _STAMP_LINES and interpreter is not None and takes_runs(interpreter, self.track)
+
+    def _steady(self, data: bytes, lines: PlainLines, index: int, stop: int, first_line: int) -> int:
+        """Check plain lines `index` to `stop`; the index of the first that is not done."""
+        interpreter = self._interpreter
+        assert interpreter is not None
+        starts = lines.starts
+        for low, high in stretches(doubtful(lines.values[index:stop], interpreter, self.track)):
+            rows = slice(index + low, index + high)
+            if high - low >= SHORTEST_RUN and self._takes_runs(first_line + rows.start):
+                self._run(interpreter, lines, rows, first_line + rows.start)
+                continue
+            for row in range(rows.start, rows.stop):
+                self.line(data[starts[row] : starts[row + 1]], first_line + row)
+                if self._interpreter is not interpreter:
+                    return row + 1
+        return stop
+
+    def _run(self, interpreter: Interpreter, lines: PlainLines, rows: slice, first_line: int) -> None:
+        """Plain lines in which no rule finds anything."""
+        values, sizes_bytes = lines.values[rows], np.diff(lines.starts[rows.start : rows.stop + 1])
+        run = straight_run(interpreter, values, first_line)
+        see_numbers(values, self.track)
+        self.track.lines = first_line + len(values) - 1
+        done = first_line
+        if run is not None:
+            see_run(run, self.track)
+            done = int(run.lines[-1]) + 1
+            sizes = cut_sizes_bytes(run, sizes_bytes, first_line)
+            sizes[0] += self._sizes_to(first_line)
+            for window in self._windows:
+                window.add_many(cut_times_ns(run), sizes, run.lines)
+            if self._watch is not None:
+                for command in run.expand():
+                    self._watch(command)
+        for line in range(done, first_line + len(values)):
+            self._note_size(line, int(sizes_bytes[line - first_line]))
 
     def _plain(self, body: bytes, line: int) -> bool:
         """A block of plain coordinates, which only its number can make wrong; False for any other."""
@@ -145,27 +218,44 @@ class Check:
             self.found.add(not_checked(alarm.line))
 
     def _time(self, command: canon.Command) -> None:
-        time_s = move_time_s(command, self.limits)
-        size = 0
-        while self._sizes and self._sizes[0][0] <= command.line:
-            size += self._sizes.popleft()[1]
+        time_ns = whole_ns(move_time_s(command, self.limits))
+        size = self._sizes_to(command.line)
         for window in self._windows:
-            window.add(time_s, size, command.line)
+            window.add(time_ns, size, command.line)
+
+    def _note_size(self, line: int, size_bytes: int) -> None:
+        """Remember the size of a line until a command of its block or a later one comes; the oldest are added up."""
+        self._sizes.append((line, size_bytes))
+        if len(self._sizes) > _MOST_SIZES:
+            _, oldest_bytes = self._sizes.popleft()
+            line, size_bytes = self._sizes.popleft()
+            self._sizes.appendleft((line, size_bytes + oldest_bytes))
+
+    def _sizes_to(self, line: int) -> int:
+        size_bytes = 0
+        while self._sizes and self._sizes[0][0] <= line:
+            size_bytes += self._sizes.popleft()[1]
+        return size_bytes
 
 
-def lines_of(path: Path) -> Iterator[bytes]:
-    """The lines of a program, ends attached, none longer than 64 KiB in memory; raises InputRejected."""
+def chunks_of(path: Path) -> Iterator[bytes]:
+    """A program in chunks of whole lines, of a line beyond 64 KiB no more than its head; raises InputRejected."""
     if not path.is_file():
         what = "is a directory" if path.is_dir() else "is not a regular file" if path.exists() else "does not exist"
         raise InputRejected(what, path=path, remedy="name a program file")
+    rest = b""
     try:
         with path.open("rb") as file:
-            while raw := file.readline(_LINE_LIMIT_BYTES):
-                yield raw
-                while not raw.endswith(b"\n") and (raw := file.readline(_LINE_LIMIT_BYTES)):
-                    pass
+            while data := file.read(_CHUNK_BYTES):
+                rest += data
+                stop = rest.rfind(b"\n") + 1
+                if stop:
+                    yield rest[:stop]
+                rest = rest[stop:][:_LINE_LIMIT_BYTES]
     except OSError as problem:
         raise InputRejected(f"cannot be read: {problem.strerror}", path=path, remedy="check the rights") from None
+    if rest:
+        yield rest
 
 
 def check_program(path: Path, limits: Limits, progress: Progress | None = None, watch: Watch | None = None) -> Check:
@@ -179,15 +269,15 @@ def check_program(path: Path, limits: Limits, progress: Progress | None = None, 
             f"checking programs for {dialect} is not built yet", path=path, remedy="name a SINUMERIK machine"
         )
     check = Check(limits, Settings(is_drip_fed=True, subprogram_folder=path.parent), watch)
-    done = 0
-    for number, raw in enumerate(lines_of(path), 1):
-        if number == 1 and raw.startswith(UTF16_MARKS):
-            check.found.add(encoding_mark(raw, number, limits))
+    line, done_bytes = 1, 0
+    for chunk in chunks_of(path):
+        if line == 1 and chunk.startswith(UTF16_MARKS):
+            check.found.add(encoding_mark(chunk, line, limits))
             return check
-        check.line(raw, number)
-        done += len(raw)
-        if progress is not None and number % 4096 == 0:
-            progress(done)
+        line = check.chunk(chunk, line)
+        done_bytes += len(chunk)
+        if progress is not None:
+            progress(done_bytes)
     if check.track.lines == 0:
         raise InputRejected("is empty", path=path, remedy="name a program file")
     check.finish()

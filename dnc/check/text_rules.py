@@ -5,6 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dnc.check.finding import Finding, Severity
 from dnc.check.track import Limits
 from dnc.framing import CHARACTER_SETS
@@ -97,6 +100,18 @@ def is_clean(raw: bytes, line: int, limits: Limits) -> bool:
     control, name = limits.profile.control, limits.profile.tape.character_set
     most = DIALECTS[control.dialect].max_block_characters
     return line > 1 and len(raw) < most and not raw.translate(None, CHARACTER_SETS[name])
+
+
+def allowed_lines(text: bytes, starts: NDArray[np.int64], limits: Limits) -> NDArray[np.bool_]:
+    """Which lines hold only characters of the profile's set; `starts` (lines + 1,) are their places in `text`."""
+    characters = CHARACTER_SETS[limits.profile.tape.character_set]
+    found = np.ones(len(starts) - 1, dtype=np.bool_)
+    if text.translate(None, characters):
+        is_foreign = np.ones(256, dtype=np.bool_)
+        is_foreign[list(characters)] = False
+        places = np.flatnonzero(is_foreign[np.frombuffer(text, dtype=np.uint8)])
+        found[np.searchsorted(starts, places, side="right") - 1] = False
+    return found
 
 
 LINE_RULES: tuple[LineRule, ...] = (encoding_mark, control_byte, foreign_character, long_line)

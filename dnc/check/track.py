@@ -6,6 +6,9 @@ import math
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dnc.profile import MachineProfile
 from planner.gcode import GROUP_OF, Block, ModalGroup, code_of, header_name
 from sim.interpreter import canon
@@ -32,6 +35,10 @@ class SplineRun:
     with_length: int
 
 
+TURN_COSINE = 0.866
+"""Cosine of 30 degrees: a move that turns by more than 150 degrees runs back."""
+TURN_FLAT = 0.1
+"""Two moves are compared where their unit directions, seen from above, multiply to more than this."""
 LARGEST_NUMBER = 99_999_999
 """The largest block number: eight digits, as the control's own post-processor library writes them."""
 
@@ -54,6 +61,21 @@ class NumberSet:
         if place >= len(self._bits):
             self._bits.extend(bytes(max(place + 1 - len(self._bits), len(self._bits))))
         self._bits[place] |= 1 << bit
+
+    def holds(self, numbers: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of these numbers were added, (n,)."""
+        bits = np.frombuffer(self._bits, dtype=np.uint8)
+        found = np.zeros(len(numbers), dtype=np.bool_)
+        inside = numbers < 8 * len(bits)
+        asked = numbers[inside]
+        found[inside] = bits[asked >> 3] >> (asked & 7).astype(np.uint8) & 1
+        return found
+
+    def add_many(self, numbers: NDArray[np.int64]) -> None:
+        """Remember numbers, all of which a control allows."""
+        self.add(int(numbers.max()))
+        bits = np.frombuffer(self._bits, dtype=np.uint8)
+        np.bitwise_or.at(bits, numbers >> 3, np.uint8(1) << (numbers & 7).astype(np.uint8))
 
 
 @dataclass(slots=True)
@@ -229,7 +251,7 @@ def turns_back(before: canon.Vector | None, move: canon.Motion) -> bool:
         return False
     ahead = start_direction(move)
     flat = math.hypot(*before[:2]) * math.hypot(*ahead[:2])
-    return flat > 0.1 and before[0] * ahead[0] + before[1] * ahead[1] < -0.866 * flat
+    return flat > TURN_FLAT and before[0] * ahead[0] + before[1] * ahead[1] < -TURN_COSINE * flat
 
 
 def length(move: canon.Motion) -> float:

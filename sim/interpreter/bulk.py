@@ -45,8 +45,9 @@ def interpret_bulk(data: Data, settings: Settings | None = None) -> Iterator[Com
         if chunk is not None and chunk.holds(index) and interpreter.takes_runs:
             end = chunk.run_end(index)
             if end - index >= _SHORTEST_RUN:
-                run = _run(interpreter, chunk, index, end)
-                source.place(end, chunk.offset + int(chunk.lines.starts[end - chunk.first]))
+                rows = slice(index - chunk.first, end - chunk.first)
+                run = straight_run(interpreter, chunk.lines.values[rows], index + 1)
+                source.place(end, chunk.offset + int(chunk.lines.starts[rows.stop]))
                 if run is not None:
                     yield run
                 continue
@@ -68,24 +69,34 @@ def _next_chunk(data: Data, source: Whole, index: int) -> _Chunk | None:
     return _Chunk(plain_lines(data[start:stop]), index, start)
 
 
-def _run(interpreter: Interpreter, chunk: _Chunk, index: int, end: int) -> LineRun | None:
-    """Lines `index` to `end` as one run; None where nothing moves. The interpreter's state is taken along."""
-    values = chunk.lines.values[index - chunk.first : end - chunk.first]
-    state = interpreter.modal
-    start, shift = state.position_mm, interpreter.total_shift
-    assert state.feed is not None
-    ends = np.column_stack([_carried(values[:, 2 + axis] + shift[axis], start[axis]) for axis in range(3)])
-    feeds = _carried(values[:, 5], state.feed)
+def straight_run(interpreter: Interpreter, values: NDArray[np.float64], first_line: int) -> LineRun | None:
+    """Plain blocks (`PlainLines.values`, from physical line `first_line` on) as one run; None where nothing moves.
+
+    The interpreter, which must say `takes_runs`, takes them as executed.
+    """
+    ends, feeds = plain_ends(interpreter, values)
+    start = interpreter.modal.position_mm
     before = np.vstack([start, ends[:-1]])
     moves = np.flatnonzero((ends != before).any(axis=1))
     feed = float(feeds[-1])
     if len(moves) == 0:
-        interpreter.take_run(end, feed, None)
+        interpreter.take_run(len(values), feed, None)
         return None
     blocks = np.where(np.isnan(values[:, 0]), -1.0, values[:, 0]).astype(np.int64)
-    run = LineRun(index + 1 + moves, blocks[moves], start, ends[moves], feeds[moves])
-    interpreter.take_run(end, feed, run.last)
+    run = LineRun(first_line + moves, blocks[moves], start, ends[moves], feeds[moves])
+    interpreter.take_run(len(values), feed, run.last)
     return run
+
+
+def plain_ends(
+    interpreter: Interpreter, values: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where the tool stands after each of these plain blocks, (n, 3) mm, and the feed in force, (n,) mm/min."""
+    state = interpreter.modal
+    start, shift = state.position_mm, interpreter.total_shift
+    assert state.feed is not None
+    ends = np.column_stack([_carried(values[:, 2 + axis] + shift[axis], start[axis]) for axis in range(3)])
+    return ends, _carried(values[:, 5], state.feed)
 
 
 def _carried(values: NDArray[np.float64], before: float) -> NDArray[np.float64]:

@@ -69,7 +69,9 @@ class Interpreter:
         """Whether plain blocks with G1 would give nothing but straight cuts, each as written plus `total_shift`."""
         state, main = self._state, self._main
         return (
-            len(self._levels) == 1
+            not state.is_ended
+            and (main.source is not self._received or not self._received.is_kept)
+            and len(self._levels) == 1
             and main.search is None
             and not main.sections
             and main.at >= main.furthest
@@ -83,10 +85,11 @@ class Interpreter:
         """Canonical minus programmed coordinates while the frame only shifts."""
         return mapping_of(self._state, self._settings, is_suppressed=False).total_shift
 
-    def take_run(self, next_line: int, feed: float, last: canon.Line | None) -> None:
-        """Plain blocks up to `next_line` have been read elsewhere; the state becomes what they leave."""
-        self._main.at = next_line
-        self._main.furthest = max(self._main.furthest, next_line)
+    def take_run(self, count: int, feed: float, last: canon.Line | None) -> None:
+        """The next `count` blocks, all plain, have been read elsewhere; the state becomes what they leave."""
+        self._main.at += count
+        self._main.furthest = max(self._main.furthest, self._main.at)
+        self._received.skip(count)
         self._state.feed = feed
         if last is not None:
             self._state.position_mm, self._state.last_motion = last.end, last

@@ -25,19 +25,23 @@ class Received(Source):
     """Lines as they come; a drip-fed control holds none of those it has executed."""
 
     def __init__(self, *, is_kept: bool) -> None:
-        self._is_kept = is_kept
+        self.is_kept = is_kept
         self._texts: list[bytes] = []
         self._lines: list[int] = []
         self._dropped = 0
 
     def add(self, raw: bytes, line: int) -> None:
         """The next line."""
-        if not self._is_kept:
-            self._dropped += len(self._texts)
-            self._texts.clear()
-            self._lines.clear()
+        if not self.is_kept:
+            self.skip(0)
         self._texts.append(raw)
         self._lines.append(line)
+
+    def skip(self, count: int) -> None:
+        """Let go of the lines held, and of the next `count`, which never come here."""
+        self._dropped += len(self._texts) + count
+        self._texts.clear()
+        self._lines.clear()
 
     def text(self, index: int) -> bytes | None:
         """See Source."""

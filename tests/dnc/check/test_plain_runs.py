@@ -1,0 +1,171 @@
+"""Checking in bulk and checking block by block find the same (6.10)."""
+
+from __future__ import annotations
+
+import math
+import random
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dnc.check import run
+from dnc.check.rate import RateWindow
+from dnc.check.run import Check, check_program
+from dnc.check.track import Limits, NumberSet
+from dnc.profile import load_profile
+from dnc.shipped import shipped_path
+from sim.interpreter import canon
+
+LIMITS = Limits(load_profile(shipped_path("machines", "sinumerik-840d")), 10.0, ((0, 0, -20), (50, 50, 4)))
+GOLDEN = Path(__file__).parents[2] / "golden"
+HEAD = (
+    "%_N_T_MPF\n; a\n; b\nG17 G40 G64 G71 G90 G94\nG54\nG0 Z50\nT2 M6\nD1\nS1000 M3\nG4 F2\nG0 X0 Y0\nZ10\n"
+    "G1 Z1 F100\nG1 X1 F250\n"
+)
+TAIL = "G0 Z50\nM5\nM30\n"
+
+
+def told(check: Check, heard: list[canon.Command]) -> dict[str, Any]:
+    """Everything that a check leaves behind; sums rounded, as their order differs."""
+    track = check.track
+    return {
+        "report": check.finish().report(),
+        "need": check.need_bytes_s,
+        "blocks": (track.blocks, track.lines, track.last_number, track.air_moves, track.idle_moves, track.air_line),
+        "way": (round(track.air_mm, 6), round(track.cut_mm, 6), track.cut_top_mm, track.direction, track.plunge),
+        "heard": heard,
+    }
+
+
+def agree(data: bytes, limits: Limits = LIMITS) -> int:
+    """Both ways tell the same; returns how many lines went the fast way."""
+    ways, slow = [], 0
+    for is_bulk in (False, True):
+        heard: list[canon.Command] = []
+        check = Check(limits, watch=heard.append)
+        if is_bulk:
+            seen = check.line
+            count = 0
+
+            def line(raw: bytes, number: int, seen: Any = seen) -> None:
+                nonlocal count
+                count += 1
+                seen(raw, number)
+
+            check.line = line  # type: ignore[method-assign]
+            half = data.rfind(b"\n", 0, len(data) // 2) + 1
+            check.chunk(data[half:], check.chunk(data[:half], 1) if half else 1)
+            slow = count
+        else:
+            for number, raw in enumerate(data.split(b"\n"), 1):
+                if number <= data.count(b"\n") or raw:
+                    check.line(raw + b"\n" * (number <= data.count(b"\n")), number)
+        ways.append(told(check, heard))
+    assert ways[0] == ways[1]
+    return data.count(b"\n") - slow
+
+
+@pytest.mark.parametrize("path", sorted(GOLDEN.rglob("*.mpf")), ids=lambda path: path.name)
+def test_every_golden(path: Path) -> None:
+    agree(path.read_bytes())
+
+
+def cam(blocks: int, feed: int = 1000) -> list[str]:
+    lines = []
+    for step in range(blocks):
+        angle = 0.002 * step
+        x, y, z = 50 * math.cos(angle) - 49, 50 * math.sin(angle), 1 + math.sin(7 * angle)
+        lines.append(f"N{step + 100} G1 X{x:.3f} Y{y:.3f} Z{z:.3f}" + f" F{feed}" * (step == 0))
+    return lines
+
+
+def test_cam_output_goes_the_fast_way() -> None:
+    assert agree((HEAD + "\n".join(cam(5_000)) + "\n" + TAIL).encode()) > 4_990
+
+
+def test_a_spindle_that_starts_again_and_characters_of_a_narrow_set() -> None:
+    """What stands before a run, or its very characters, can make its blocks special."""
+    lines = [*cam(100), "M5", "S500 M3", *cam(300)[100:200], *map(str.lower, cam(400)[200:300]), *cam(400)[300:]]
+    tape = msgspec.structs.replace(LIMITS.profile.tape, character_set="iso")
+    narrow = Limits(msgspec.structs.replace(LIMITS.profile, tape=tape))
+    text = HEAD + "\n".join(lines) + "\n" + TAIL
+    assert 290 < agree(text.encode(), narrow) < 310
+    check = Check(narrow)
+    check.chunk(text.encode(), 1)
+    assert {"no-spindle-dwell", "character"} <= {finding.id for finding in check.finish().findings}
+
+
+_ODD = [
+    "N5 G1 X3", "N104 X4", "N999999999 X4", "X30 Y30", "X-30", "G1", "", "N7", "F300", "F0", "X1 Q5", "X5000", "Z-5",
+    "G0 Z20", "G0 X9 Z2", "G91", "G90", "G2 X9 Y9 I4 J0", "M30", "M8", "MSG(\"A\")", "g1 x5", "X5 G1", "X7\tY8",
+    "X\xe95", "; COMMENT", "G70", "G71", "S500 M3", "M5", "G4 F2", "BSPLINE X5 Z2 PL=0", "X20000 F60000", "(A)",
+    "GOTOB A", "X+5", "N", "X1.2.3", "T3 M6", "%", "/X5", "X3 F9000",
+]  # fmt: skip
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.integers(0, 2**32), st.sampled_from(["\n", "\r\n"]), st.sampled_from([100, 3000, 20_000]))
+def test_odd_blocks_among_plain_ones(seed: int, end: str, feed: int) -> None:
+    chance = random.Random(seed)
+    lines = HEAD.splitlines() + cam(400, feed) + TAIL.splitlines()
+    for _ in range(chance.randint(0, 12)):
+        at = chance.randrange(len(lines))
+        piece = [chance.choice(_ODD)] if chance.random() < 0.7 else [lines[chance.randrange(len(lines))]]
+        lines[at : at + chance.randint(0, 1)] = piece
+    agree((end.join(lines) + end * chance.randint(0, 1)).encode("latin-1"))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32))
+def test_wild_coordinates(seed: int) -> None:
+    """Reversals, plunges, moves of no length and moves in air, many of them."""
+    chance = random.Random(seed)
+    words = [("X", 3), ("Y", 3), ("Z", 12), ("F", 2)]
+    lines = []
+    for _ in range(300):
+        chosen = [f"{letter}{chance.randint(1, most)}" for letter, most in words if chance.random() < 0.5]
+        lines.append(" ".join(chosen) or "X2")
+    agree((HEAD + "\n".join(lines) + "\n" + TAIL).encode())
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.integers(1, 10**9), st.integers(0, 60)), min_size=1, max_size=900), st.integers(0, 900))
+def test_the_window_by_one_and_by_many(blocks: list[tuple[int, int]], cut: int) -> None:
+    one, many = RateWindow(1.2), RateWindow(1.2)
+    rows = [(time_ns, size, line) for line, (time_ns, size) in enumerate(blocks * 2, 1)]
+    for row in rows:
+        one.add(*row)
+    for part in (rows[:cut], rows[cut:]):
+        if part:
+            many.add_many(*np.array(part).T)
+    one.add(0, 7, 0)
+    many.add(0, 7, 0)
+    assert one == many
+
+
+def test_numbers_by_one_and_by_many() -> None:
+    one, many = NumberSet(), NumberSet()
+    numbers = np.array([3, 8, 9, 250, 64_000])
+    many.add_many(numbers)
+    for number in numbers.tolist():
+        one.add(number)
+    asked = np.arange(70_000)
+    assert np.flatnonzero(many.holds(asked)).tolist() == numbers.tolist()
+    assert [number for number in asked.tolist() if number in one] == numbers.tolist()
+
+
+def test_lines_across_chunks_and_one_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chunks end at line ends; a line of any length costs no memory."""
+    text = HEAD + "\n".join(cam(300)) + "\n" + TAIL.rstrip("\n")
+    path = tmp_path / "part.mpf"
+    path.write_text(text)
+    whole = check_program(path, LIMITS).found.report()
+    monkeypatch.setattr(run, "_CHUNK_BYTES", 97)
+    assert check_program(path, LIMITS).found.report() == whole
+    path.write_bytes(b"X1" * 200_000)
+    assert max(map(len, run.chunks_of(path))) <= 65_536 + 97
