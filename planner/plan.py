@@ -78,6 +78,7 @@ def plan_job(
     wishes = _wishes(job, operation, patches[0], job_path)
     accuracy_mm, reading_mm = 1e-4 * operation.path_mm, 1e-2 * operation.path_mm
     layout = lay_parallel(patches[0], wishes, accuracy_mm=accuracy_mm, reading_mm=reading_mm)
+    _check_clearance(job, layout, job_path)
     kind = kind_of(job.post.control, job.post.blocks, operation.fit)
     passes = shape_passes(layout.curves, kind, operation.path_mm, wishes.radius_mm)
     tool_path = ToolPath(
@@ -158,6 +159,18 @@ def _wishes(job: Job, operation: Operation, patch: NurbsPatch, path: Path) -> Wi
     else:
         angle_rad = float(np.radians(operation.angle_deg))
     return Wishes(radius_mm, angle_rad, scallop_mm, operation.pick_feed_mm, operation.stock_to_leave_mm)
+
+
+def _check_clearance(job: Job, layout: Layout, path: Path) -> None:
+    """Raises InputRejected where a rapid move across at clearance height would meet the patch."""
+    surface = layout.ground.surface
+    inside = layout.ground.seeds.within(surface.patch.domain)
+    tops = (surface.evaluate(inside[0], inside[1]).contact[2], layout.ground.border.points.contact[2])
+    top_mm = max(float(heights.max()) for heights in tops)
+    if job.setup.clearance_z_mm <= top_mm:
+        asked = f"clearance_z_mm {job.setup.clearance_z_mm:g}"
+        what = f"{asked} is not above {surface.patch.name}, which reaches Z{top_mm:.3f}"
+        raise InputRejected(what, path=path, remedy="give clearance_z_mm and safe_z_mm above the part and its clamps")
 
 
 def _warnings(operation: Operation, report: dict[str, Any], line: tuple[int, float]) -> list[str]:

@@ -118,6 +118,12 @@ def test_planning_twice_gives_the_same_bytes(tmp_path: Path) -> None:
         ([('edge = "to-border"', 'edge = "roll-over"')], None, "not built yet"),
         ([('kind = "ball"', 'kind = "bull"\ncorner_radius_mm = 1.0')], None, "not built yet"),
         ([("angle_deg = 0.0", "angle_deg = 0.0\nboundary = [[[0, 0], [1, 0], [1, 1]]]")], None, "not built yet"),
+        (
+            [("clearance_z_mm = 10.0", "clearance_z_mm = 2.5")],
+            None,
+            r"clearance_z_mm 2\.5 is not above patch 1, .* Z3\.000",
+        ),
+        ([("scallop_mm = 0.08", "pick_feed_mm = 1e-5")], None, r"patch 1 is .* mm: pick_feed_mm asks for .* passes"),
         ([("surface.toml", "absent.toml")], None, r"absent\.toml: cannot be read"),
     ],
 )

@@ -14,7 +14,7 @@ from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
 from planner.path.peaks import Ground, Peaks, lay_ground, survey
 from planner.path.pick_feed import ChainEnd, even_planes, local_pick_feed, solve_pick_feeds
-from planner.path.seeds import sow
+from planner.path.seeds import Seeds, sow
 from planner.path.trace import TracedCurve, trace
 from planner.surface.curvature import survey as survey_patch
 from planner.surface.patch import NurbsPatch
@@ -81,7 +81,18 @@ def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
         assert wishes.scallop_mm is not None
         inside = seeds.within(patch.domain)
         least_mm = float(local_pick_feed(surface, inside, wishes.scallop_mm).min())
+    _check_count(surface, seeds, least_mm, "scallop_mm" if wishes.pick_feed_mm is None else "pick_feed_mm")
     return lay_ground(surface, seeds, pick_feed_mm=least_mm)
+
+
+def _check_count(surface: OffsetSurface, seeds: Seeds, pick_feed_mm: float, key: str, most: int = 20_000) -> None:
+    """Raises InputRejected where the patch would take more than `most` passes, or borders as finely sampled as that."""
+    sides_mm = np.ptp(seeds.centres, axis=1)[:2]
+    passes = float(sides_mm.max()) / pick_feed_mm
+    if not passes <= most:
+        size = f"{sides_mm[0]:.4g} x {sides_mm[1]:.4g} mm"
+        what = f"{surface.patch.name} is {size}: {key} asks for about {passes:.3g} passes, more than {most}"
+        raise InputRejected(what, remedy=f"give a larger {key} or cut the part in pieces")
 
 
 def _place(peaks: Peaks) -> str:
