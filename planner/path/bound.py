@@ -18,10 +18,12 @@ from planner.path.plane_spline import Index
 from planner.path.slope_range import SampledSlopes, SlopeSource, slope_source
 from planner.path.slope_table import SlopeTable
 from planner.path.spline_table import SplineTable
+from planner.path.trace import TracedCurve
 
 ROUNDS = 8
 FOOT_STEPS = 8
 CLOSE_ENOUGH = 1.05
+HALVINGS = 2  # of the nodes' distance, before a bound is taken from samples
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,15 +65,20 @@ def certify_all(
     `table` is `patch_table(curves)` if the caller has it.
     """
     source = slope_source(curves, table)
-    bounds = _bounds(curves, splines, source)
-    is_proved = source.method is Method.PROVED
-    open_ = [row for row in range(len(curves)) if is_proved and np.isinf(bounds[row])]
-    found = [(float(bound), source.method) for bound in bounds]
-    if open_:
-        some = [curves[row] for row in open_]
-        again = _bounds(some, [splines[row] for row in open_], SampledSlopes(some))
-        for row, bound in zip(open_, again, strict=True):
-            found[row] = float(bound), Method.SAMPLED
+    found = [(float(bound), source.method) for bound in _bounds(curves, splines, source)]
+    closer = list(curves)
+    for turn in range(HALVINGS + 1):
+        open_ = [row for row, (bound_mm, method) in enumerate(found) if method is Method.PROVED and np.isinf(bound_mm)]
+        if not open_:
+            break
+        # Between nodes too far apart no box is known to hold the curve.
+        for row in open_:
+            curve = closer[row]
+            closer[row] = curve.halved() if isinstance(curve, TracedCurve) else curve
+        some = [closer[row] for row in open_]
+        again = slope_source(some, table) if turn < HALVINGS else SampledSlopes(some)
+        for row, bound in zip(open_, _bounds(some, [splines[row] for row in open_], again), strict=True):
+            found[row] = float(bound), again.method
     return found
 
 

@@ -64,6 +64,15 @@ class TracedCurve:
         """The exact curve at any arc lengths (k,) within [0, length_mm]."""
         return refine_many([self], [arc_mm])[0]
 
+    def halved(self) -> TracedCurve:
+        """The same curve with one more node in the middle of every gap."""
+        middle, before = (self.arc_mm[1:] + self.arc_mm[:-1]) / 2, np.arange(1, len(self.arc_mm))
+        nodes = CurveSamples(self.points, self.tangents, self.curvatures, self.parameters)
+        nodes = nodes.with_more(before, self.refine(middle))
+        arc_mm = np.insert(self.arc_mm, before, middle)
+        columns = (nodes.points, nodes.tangents, nodes.curvatures, nodes.parameters)
+        return TracedCurve(self.plane, arc_mm, *columns, self.surface)
+
 
 def refine_many(curves: Sequence[TracedCurve], arcs_mm: Sequence[Array]) -> list[CurveSamples]:
     """The exact curves at these arc lengths, one array a curve, all solved in the same blocks.

@@ -14,10 +14,12 @@ from planner.path.seeds import sow
 from planner.path.slope_table import slope_table
 from planner.path.spline import fit_passes
 from planner.path.spline_table import SplineTable
+from planner.path.strategy.parallel import Wishes, lay_parallel
 from planner.path.trace import TracedCurve, trace
 from planner.surface.patch import NurbsPatch
 from tests.planner.path.curves import random_graph
 from tests.planner.path.distances import farthest_mm
+from tests.planner.surfaces import thesis_patch
 
 HEIGHTS = {
     "bowl": lambda x, y: 0.004 * (x - 25) ** 2 + 0.002 * (y - 25) ** 2,
@@ -87,6 +89,13 @@ def test_one_control_point_moved_breaks_it() -> None:
 def _is_slack(fitted: object, index: int) -> bool:
     """An inner control point of a short span moves the curve by less than two thirds of its own move."""
     return 0 < index < len(fitted.spline.control_points) - 1 and fitted.deviation_mm < 0.0004  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 28.0, 90.0])
+def test_every_pass_over_the_thesis_surface_is_proved(angle_deg: float) -> None:
+    """(4.3) Also where a pass begins beyond the border in a corner: there nodes are halved until a box holds it."""
+    layout = lay_parallel(thesis_patch(), Wishes(4.0, np.radians(angle_deg), 0.08, None), accuracy_mm=1e-7)
+    assert {fitted.method for fitted in fit_passes(layout.curves, 0.0009)} == {Method.PROVED}
 
 
 def bound_of_random_curves(seeds: range) -> None:
