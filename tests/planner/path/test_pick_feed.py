@@ -87,6 +87,19 @@ def test_the_scheme_of_the_paper_gives_the_same_next_pass() -> None:
         assert abs(next_plane - after) < 1e-6
 
 
+@pytest.mark.parametrize("scallop_mm", [0.08, 0.01])
+def test_the_scheme_of_the_paper_gives_the_same_list_of_passes(scallop_mm: float) -> None:
+    """(4.2) Thesis surface, from the first pass on, each next one placed by (3.25)-(3.27): within 1 um in y.
+
+    Every cusp line is highest at one of its ends here, v = 0 or v = 1; the nearer plane of the two is the next.
+    """
+    layout = planned(thesis_patch(), scallop_mm)
+    plane_mm = float(layout.planes_mm[0])
+    for found_mm in layout.planes_mm[1:-1]:
+        plane_mm = min(paper_plane_from_border(layout.ground.surface, plane_mm, scallop_mm, v) for v in (0.0, 1.0))
+        assert abs(plane_mm - found_mm) < 1e-3
+
+
 def test_one_pass_is_enough_for_a_narrow_patch() -> None:
     layout = planned(plane_patch(0.6), 0.05)
     assert len(layout.planes_mm) == 1
@@ -166,6 +179,34 @@ def paper_next_plane(surface: OffsetSurface, plane_mm: float, scallop_mm: float,
     reach = (x_max - 2.0, x_max + 2.0)
     inner = minimize_scalar(next_plane, bounds=reach, method="bounded", options={"xatol": 1e-9})
     return float(inner.fun)
+
+
+def paper_plane_from_border(surface: OffsetSurface, plane_mm: float, scallop_mm: float, v: float) -> float:
+    """The next plane from the point of the border at this v that pass A leaves at the scallop height."""
+
+    def ball(u: float, v: float) -> tuple[np.ndarray, np.ndarray]:
+        found = surface.evaluate(np.array([u]), np.array([v]))
+        return found.centre[:, 0], found.normal[:, 0]
+
+    def off_the_pipe(cusp: np.ndarray, u: float, v: float) -> tuple[float, float, float]:
+        centre, normal = ball(u, v)
+        away = cusp - centre
+        return away @ away - R**2, away[0] * normal[2] - away[2] * normal[0], centre[1]
+
+    def cusp_at(u: float) -> np.ndarray:
+        centre, normal = ball(u, v)
+        return centre + (scallop_mm - R) * normal
+
+    def misses_a(unknowns: np.ndarray) -> list[float]:
+        distance, foot, y = off_the_pipe(cusp_at(unknowns[0]), *unknowns[1:])
+        return [distance, foot, y - plane_mm]
+
+    half = np.sqrt(2 * R * scallop_mm)
+    near_u = plane_mm / 50
+    u, _, _ = solved(misses_a, [near_u + half / 50, near_u, v])
+    cusp = cusp_at(u)
+    u, w = solved(lambda p: off_the_pipe(cusp, *p)[:2], [u + half / 50, v])
+    return float(ball(u, w)[0][1])
 
 
 def solved(misses: Callable[[np.ndarray], Any], start: list[float]) -> np.ndarray:
