@@ -33,7 +33,7 @@ class EnclosedCurve(Protocol):
 
 def slope_source(curves: Sequence[ExactCurve], table: SlopeTable | None = None) -> SlopeSource:
     """The best source for these curves; `table` saves building that of their patch again."""
-    traced = _on_one_polynomial_patch(curves)
+    traced = _on_one_patch(curves)
     if traced:
         return PatchSlopes(traced, table or _table_for(traced))
     own = [curve for curve in curves if isinstance(curve, EnclosedCurve)]
@@ -43,8 +43,8 @@ def slope_source(curves: Sequence[ExactCurve], table: SlopeTable | None = None) 
 
 
 def patch_table(curves: Sequence[ExactCurve]) -> SlopeTable | None:
-    """The table of the patch that all these curves lie on, None if there is no such patch or it is rational."""
-    traced = _on_one_polynomial_patch(curves)
+    """The table of the patch that all these curves lie on, None if there is no such patch."""
+    traced = _on_one_patch(curves)
     return _table_for(traced) if traced else None
 
 
@@ -66,18 +66,17 @@ def _table_for(curves: Sequence[TracedCurve]) -> SlopeTable:
         finer *= 2
 
 
-def _on_one_polynomial_patch(curves: Sequence[ExactCurve]) -> list[TracedCurve]:
-    """The curves themselves, or none if they do not all lie on one polynomial patch."""
+def _on_one_patch(curves: Sequence[ExactCurve]) -> list[TracedCurve]:
+    """The curves themselves, or none if they do not all lie on one patch."""
     traced = [curve for curve in curves if isinstance(curve, TracedCurve)]
     if not traced or len(traced) < len(curves):
         return []
     surface = traced[0].surface
-    is_one = surface.patch.weights is None and all(curve.surface is surface for curve in traced)
-    return traced if is_one else []
+    return traced if all(curve.surface is surface for curve in traced) else []
 
 
 class PatchSlopes:
-    """Traced curves of one polynomial patch, enclosed through the patch's own derivatives, (F14) and (F15)."""
+    """Traced curves of one patch, enclosed through the patch's own derivatives, (F14) and (F15)."""
 
     method = Method.PROVED
 

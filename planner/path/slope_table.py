@@ -6,7 +6,9 @@ there, and the same for its parameters' speeds u' and v'.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from math import comb
 
 import numpy as np
@@ -59,7 +61,7 @@ class SlopeTable:
 
 
 def slope_table(surface: OffsetSurface, finer: int = 1) -> SlopeTable:
-    """The table of a polynomial patch, its end polynomials carried on a little on every side.
+    """The table of a patch, its end polynomials carried on a little on every side.
 
     Its cells are `finer` times as narrow as those that serve gentle patches.
     """
@@ -69,8 +71,11 @@ def slope_table(surface: OffsetSurface, finer: int = 1) -> SlopeTable:
     in_u, in_v = _cells(patch.basis_u, a_span), _cells(patch.basis_v, a_span)
     reach_u = patch.basis_u.first[in_u.span][:, None] + np.arange(patch.degree_u + 1)
     reach_v = patch.basis_v.first[in_v.span][:, None] + np.arange(patch.degree_v + 1)
-    half = np.einsum("cia,cad->cid", in_u.weights, patch.control_points[reach_u].reshape(*reach_u.shape, -1))
-    half = half.reshape(len(reach_u), patch.degree_u + 1, *patch.control_points.shape[1:])
+    points = patch.control_points
+    if patch.weights is not None:
+        points = np.concatenate([points * patch.weights[..., None], patch.weights[..., None]], axis=2)
+    half = np.einsum("cia,cad->cid", in_u.weights, points[reach_u].reshape(*reach_u.shape, -1))
+    half = half.reshape(len(reach_u), patch.degree_u + 1, *points.shape[1:])
     nets = np.einsum("ejb,ciebd->ijdce", in_v.weights, half[:, :, reach_v]).copy()
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         slope, u_speed, v_speed = _bend_rates(surface, nets, in_u.widths[:, None], in_v.widths[None, :])
@@ -114,7 +119,7 @@ def _cells(basis: SpanBasis, a_span: int) -> _Cells:
 
 
 def _derivative(nets: Array, by_u: int, by_v: int, u_width: Array, v_width: Array) -> Range:
-    """The range (3, c, e) of a derivative, from the Bernstein points (p + 1, q + 1, 3, c, e) of the cells."""
+    """The range (d, c, e) of a derivative, from the Bernstein points (p + 1, q + 1, d, c, e) of the cells."""
     for _ in range(by_u):
         nets = (nets.shape[0] - 1) * np.diff(nets, axis=0) / u_width
     for _ in range(by_v):
@@ -125,12 +130,37 @@ def _derivative(nets: Array, by_u: int, by_v: int, u_width: Array, v_width: Arra
     return Range(nets.min(axis=(0, 1)), nets.max(axis=(0, 1)))
 
 
+def _rational(nets: Array, u_width: Array, v_width: Array) -> Callable[[int, int], Range]:
+    """Ranges (3, c, e) of the derivatives of A / w, from the Bernstein points of (A, w), by Leibniz's rule, (F14).
+
+    The origin is moved into every cell, where A / w is then small beside its derivatives.
+    """
+    middle = nets.mean(axis=(0, 1))
+    moved = nets.copy()
+    moved[:, :, :3] -= middle[:3] / middle[3] * nets[:, :, 3:]
+    over_weight = _derivative(moved, 0, 0, u_width, v_width).part(3).inverse()
+
+    @cache
+    def of(by_u: int, by_v: int) -> Range:
+        whole = _derivative(moved, by_u, by_v, u_width, v_width)
+        rest = Range(whole.low[:3], whole.high[:3])
+        for i in range(by_u + 1):
+            for j in range(by_v + 1):
+                if i or j:
+                    weight = _derivative(moved, i, j, u_width, v_width).part(3)
+                    rest = rest - (weight * of(by_u - i, by_v - j)).times(comb(by_u, i) * comb(by_v, j))
+        return rest * over_weight
+
+    return of
+
+
 def _bend_rates(surface: OffsetSurface, nets: Array, u_width: Array, v_width: Array) -> tuple[Range, Range, Range]:
     """d(curvature)/ds, u' and v' of passes through each cell, (F14)."""
 
-    def of(by_u: int, by_v: int) -> Range:
+    def polynomial(by_u: int, by_v: int) -> Range:
         return _derivative(nets, by_u, by_v, u_width, v_width)
 
+    of = polynomial if surface.patch.weights is None else _rational(nets, u_width, v_width)
     reach = surface.radius_mm + surface.stock_mm
     q_u, q_v, q_uu, q_uv, q_vv = of(1, 0), of(0, 1), of(2, 0), of(1, 1), of(0, 2)
     long = cross(q_u, q_v).times(surface.side)

@@ -19,7 +19,7 @@ from planner.path.trace import TracedCurve, trace
 from planner.surface.patch import NurbsPatch
 from tests.planner.path.curves import random_graph
 from tests.planner.path.distances import farthest_mm
-from tests.planner.surfaces import thesis_patch
+from tests.planner.surfaces import cylinder_patch, sphere_patch, thesis_patch, wavy_patch
 
 HEIGHTS = {
     "bowl": lambda x, y: 0.004 * (x - 25) ** 2 + 0.002 * (y - 25) ** 2,
@@ -96,6 +96,37 @@ def test_every_pass_over_the_thesis_surface_is_proved(angle_deg: float) -> None:
     """(4.3) Also where a pass begins beyond the border in a corner: there nodes are halved until a box holds it."""
     layout = lay_parallel(thesis_patch(), Wishes(4.0, np.radians(angle_deg), 0.08, None), accuracy_mm=1e-7)
     assert {fitted.method for fitted in fit_passes(layout.curves, 0.0009)} == {Method.PROVED}
+
+
+@pytest.mark.parametrize("patch", [cylinder_patch(), sphere_patch()], ids=["cylinder", "sphere"])
+def test_passes_over_rational_patches_are_proved(patch: NurbsPatch) -> None:
+    """(4.3) The exact curves over a cylinder and a sphere, cut askew: the bound is proved and holds."""
+    layout = lay_parallel(patch, Wishes(4.0, np.radians(30.0), None, 5.0), accuracy_mm=1e-7)
+    for curve, fitted in zip(layout.curves, fit_passes(layout.curves, 0.001), strict=True):
+        assert fitted.method is Method.PROVED
+        assert dense_distance_mm(curve, fitted.spline) - 1e-7 <= fitted.deviation_mm <= 0.001
+
+
+def test_enclosure_of_a_rational_patch_holds_what_the_curve_does() -> None:
+    """(4.3) With weights from 0.7 to 1.4 at random, the change of curvature lies in the range of its cells."""
+    wavy = wavy_patch(3, size_mm=40.0, height_mm=0.5)
+    weights = np.random.default_rng(1).uniform(0.7, 1.4, (9, 9))
+    patch = NurbsPatch(3, 3, wavy.knots_u, wavy.knots_v, wavy.control_points, weights)
+    curve = lay_parallel(patch, Wishes(4.0, 0.0, None, 3.0), accuracy_mm=1e-7).curves[5]
+    low, slope, high = enclosed_slopes(curve)
+    assert (slope >= low - 1e-7).all()
+    assert (slope <= high + 1e-7).all()
+    assert np.isfinite(high - low).all()
+
+
+def enclosed_slopes(curve: TracedCurve) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lower bound, difference quotient and upper bound of the change of curvature at many places of a curve."""
+    table = slope_table(curve.surface, 4)
+    arc = np.linspace(0.5, curve.length_mm - 0.5, 3000)
+    one, other = curve.refine(arc), curve.refine(arc + 1e-3)
+    least, most = np.minimum(one.parameters, other.parameters).T, np.maximum(one.parameters, other.parameters).T
+    found = table.over(table.slope, least, most)
+    return found.low, (other.curvatures - one.curvatures) / 1e-3, found.high
 
 
 def bound_of_random_curves(seeds: range) -> None:
