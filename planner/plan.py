@@ -75,10 +75,27 @@ def plan_job(
         what = f"{len(patches)} patches in one surface are not built yet"
         raise InputRejected(what, path=job_path.parent / job.part.surface, remedy="plan each patch in its own file")
     begin = time.perf_counter()
-    wishes = _wishes(job, operation, patches[0], job_path)
+    layout, tool_path = _laid(job, operation, patches[0], job_path)
+    written = write_program(job, operation, tool_path, control, lift_mm=lift_mm)
+    planning_s = time.perf_counter() - begin
+    figures = {"rapid_mm_min": rapid_mm_min, "planning_time_s": planning_s}
+    report = plan_report(job, operation, tool_path, layout, written, line=line, **figures)
+    if time_of is not None:
+        report["machining_time_s"] = time_of(written.data)
+    if with_rivals:
+        from planner.rivals import compare_rivals
+
+        report["rivals"] = compare_rivals(job, operation, layout, control)
+    warnings = (*written.warnings, *_warnings(operation, report, line))
+    return Planned(written.data, written.sidecar, tool_path, report, warnings, job, layout)
+
+
+def _laid(job: Job, operation: Operation, patch: NurbsPatch, path: Path) -> tuple[Layout, ToolPath]:
+    """Traced curves of the operation, and the passes made of them in the order they are cut."""
+    wishes = _wishes(job, operation, patch, path)
     accuracy_mm, reading_mm = 1e-4 * operation.path_mm, 1e-2 * operation.path_mm
-    layout = lay_parallel(patches[0], wishes, accuracy_mm=accuracy_mm, reading_mm=reading_mm)
-    _check_clearance(job, layout, job_path)
+    layout = lay_parallel(patch, wishes, accuracy_mm=accuracy_mm, reading_mm=reading_mm)
+    _check_clearance(job, layout, path)
     kind = kind_of(job.post.control, job.post.blocks, operation.fit)
     passes = shape_passes(layout.curves, kind, operation.path_mm, wishes.radius_mm)
     tool_path = ToolPath(
@@ -88,26 +105,7 @@ def plan_job(
         scallops_mm=layout.peaks.height_mm,
         scallop_method=Method.SAMPLED,
     )
-    written = write_program(job, operation, tool_path, control, lift_mm=lift_mm)
-    planning_s = time.perf_counter() - begin
-    report = plan_report(
-        job,
-        operation,
-        tool_path,
-        layout,
-        written,
-        rapid_mm_min=rapid_mm_min,
-        line=line,
-        planning_time_s=planning_s,
-    )
-    if time_of is not None:
-        report["machining_time_s"] = time_of(written.data)
-    if with_rivals:
-        from planner.rivals import compare_rivals
-
-        report["rivals"] = compare_rivals(job, operation, layout, control)
-    warnings = (*written.warnings, *_warnings(operation, report, line))
-    return Planned(written.data, written.sidecar, tool_path, report, warnings, job, layout)
+    return layout, tool_path
 
 
 def scallop_target_mm(operation: Operation, radius_mm: float) -> float | None:

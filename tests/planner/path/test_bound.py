@@ -76,19 +76,20 @@ def test_rounded_control_points_are_bounded_too() -> None:
             assert true_mm - 1e-8 <= bound_mm <= 1.5 * true_mm
 
 
-def test_one_control_point_moved_breaks_it() -> None:
-    """(4.3) Moving any one control point by twice the tolerance pushes the bound beyond the tolerance."""
-    (curve,) = passes_over(patch_over(HEIGHTS["bowl"]), [21.3])
+@pytest.mark.parametrize("name", HEIGHTS)
+def test_one_control_point_moved_breaks_it(name: str) -> None:
+    """(4.3) Any one control point moved by twice the tolerance, up or down, pushes the bound beyond the tolerance."""
+    (curve,) = passes_over(patch_over(HEIGHTS[name]), [21.3])
     (fitted,) = fit_passes([curve], 0.001)
     for index in range(len(fitted.spline.control_points)):
-        moved = fitted.spline.control_points.copy()
-        moved[index, 1] += 0.002
-        assert certify(curve, PlaneSpline(3, fitted.spline.knots, moved))[0] > 0.001 or _is_slack(fitted, index)
-
-
-def _is_slack(fitted: object, index: int) -> bool:
-    """An inner control point of a short span moves the curve by less than two thirds of its own move."""
-    return 0 < index < len(fitted.spline.control_points) - 1 and fitted.deviation_mm < 0.0004  # type: ignore[attr-defined]
+        bounds_mm = []
+        for move_mm in (0.002, -0.002):
+            moved = fitted.spline.control_points.copy()
+            moved[index, 1] += move_mm
+            bounds_mm.append(certify(curve, PlaneSpline(3, fitted.spline.knots, moved))[0])
+        # An inner point moves the curve by 4/9 of its own move: 0.89 um, too little alone where the fit is exact.
+        is_exact = fitted.deviation_mm < 1e-4 and 0 < index < len(fitted.spline.control_points) - 1
+        assert max(bounds_mm) > (0.00085 if is_exact else 0.001), index
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 28.0, 90.0])
