@@ -98,6 +98,7 @@ class LiveMill:
             self._prepare(now_s)
             samples = self.machine.advance(now_s)
             if len(samples.t_s):
+                self._show(samples.last_number)
                 if not self._has_moved:
                     samples, self._has_moved = standing_at(samples, self._start_mm)
                 self._log(samples)
@@ -111,7 +112,7 @@ class LiveMill:
         if self.control.execution is Execution.UNAVAILABLE:
             return None
         seen = self.machine.snapshot()
-        self._block = self._block if seen.block is None else seen.block
+        self._show(seen.block)
         return Panel(
             uptime_s=self._now_s,
             execution=self.control.execution,
@@ -131,6 +132,9 @@ class LiveMill:
             overrun_bytes=self._overrun_bytes,
             program=self._program or "",
         )
+
+    def _show(self, block: int | None) -> None:
+        self._block = self._block if block is None else block
 
     # --- preparation
 

@@ -65,6 +65,12 @@ class Samples:
     line: NDArray[np.int64]
     block: NDArray[np.int64]
 
+    @property
+    def last_number(self) -> int | None:
+        """The number of the last numbered block in this stretch."""
+        numbered = self.block[self.block >= 0]
+        return int(numbered[-1]) if len(numbered) else None
+
 
 @dataclass(frozen=True, slots=True)
 class StarvedInterval:

@@ -92,6 +92,15 @@ def test_a_program_runs_through_a_small_buffer() -> None:
     assert panel.program == "TEST_MPF"
 
 
+def test_a_number_passed_between_two_looks_at_the_panel_is_shown() -> None:
+    """(2.2) Where only the short block at the start of a pass has a number, nobody may happen to look during it."""
+    cable = Cable(b"N7 G1 G90 X1 Y0 Z500 F3000\nX100 F60\nM30\n").run(5.0)
+    panel = cable.mill.panel()
+    assert panel is not None
+    assert panel.position_mm[0] > 1.0
+    assert panel.block == 7
+
+
 def test_the_same_program_and_seed_give_the_same_log() -> None:
     """(5.8)"""
 
