@@ -42,7 +42,8 @@ def _part(report: Report) -> list[str]:
         ("cut, air", f"{plan['cut_length_mm']:.0f} + {plan['air_length_mm']:.0f} mm", ""),
     ]
     lines = [f"  {'':<20}{'planned':>15}{'measured':>17}"]
-    return lines + [f"  {name:<20}{planned:>15}{measured:>17}" for name, planned, measured in rows]
+    lines += [f"  {name:<20}{planned:>15}{measured:>17}" for name, planned, measured in rows]
+    return [*lines, "  planned scallop: between exact passes; what the paths deviate may come on top"]
 
 
 def _line(report: Report) -> list[str]:
