@@ -46,7 +46,13 @@ def load(
         raise _conversion_error(path, str(problem), kind, lines, error) from None
 
 
-def read_text(path: Path, *, error: type[InputRejected] = InputRejected, limit_bytes: int = 200_000_000) -> str:
+def read_text(
+    path: Path,
+    *,
+    error: type[InputRejected] = InputRejected,
+    limit_bytes: int = 200_000_000,
+    remedy: str = "begin from a TOML file of those shipped in configs/",
+) -> str:
     """The text of a regular UTF-8 file; raises `error` with one sentence for anything else."""
     try:
         mode = path.stat().st_mode
@@ -54,7 +60,7 @@ def read_text(path: Path, *, error: type[InputRejected] = InputRejected, limit_b
         raise error(f"cannot be read: {problem.strerror}", path=path, remedy="check the name and the rights") from None
     if not stat.S_ISREG(mode):
         kind = "a directory" if stat.S_ISDIR(mode) else "not a regular file"
-        raise error(f"is {kind}", path=path, remedy="name a TOML file")
+        raise error(f"is {kind}", path=path, remedy=remedy)
     if path.stat().st_size > limit_bytes:
         raise error(f"is larger than {limit_bytes} bytes", path=path, remedy="split it")
     try:
@@ -65,7 +71,7 @@ def read_text(path: Path, *, error: type[InputRejected] = InputRejected, limit_b
         if raw.startswith(mark):
             raise error(f"begins with {name}", path=path, line=1, remedy="save it as UTF-8 without a mark")
     if not raw.strip():
-        raise error("is empty", path=path, remedy="begin from one of those shipped in configs/")
+        raise error("is empty", path=path, remedy=remedy)
     try:
         return raw.decode("utf-8").replace("\r\n", "\n")
     except UnicodeDecodeError as problem:

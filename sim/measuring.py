@@ -82,7 +82,12 @@ class Comparison:
 
 def load_points(path: Path) -> MeasuredPoints:
     """A CSV table with columns x_mm and z_mm (or z_measured_mm), and y_mm or z_design_mm; raises InputRejected."""
-    rows = list(csv.reader(read_text(path).splitlines()))
+    reader = csv.reader(read_text(path, remedy="name a table of points").splitlines())
+    try:
+        rows = list(reader)
+    except csv.Error as problem:
+        line = reader.line_num
+        raise InputRejected(f"is no table: {problem}", path=path, line=line, remedy="mend this line") from None
     names = [name.strip() for name in rows[0]]
     measured = "z_measured_mm" if "z_measured_mm" in names else "z_mm"
     for needed in ("x_mm", measured):
@@ -96,7 +101,9 @@ def load_points(path: Path) -> MeasuredPoints:
         if not row:
             continue
         if len(row) != len(names):
-            raise InputRejected(f"has {len(row)} columns where {len(names)} are named", path=path, line=line)
+            raise InputRejected(
+                f"has {len(row)} columns where {len(names)} are named", path=path, line=line, remedy="complete it"
+            )
         values = dict(zip(names, row, strict=True))
         for name, column in table.items():
             column.append(_number(values.get(name), name, path, line))
