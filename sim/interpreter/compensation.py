@@ -78,6 +78,8 @@ class Compensator:
             self._has_begun = True
             self._waiting = Element(motion, leaving, arriving, slot, self._place, [], is_approach=True)
             return
+        if isinstance(motion, Arc):
+            motion = self._at_contour_feed(motion)
         element = Element(motion, leaving, arriving, slot, self._place, [])
         if self._waiting is not None:
             self._join(self._waiting, element)
@@ -175,16 +177,18 @@ class Compensator:
     def _offset_arc(self, element: Element, arc: Arc, end: Vector) -> list[Motion]:
         side = self.side
         out, back = side.flat(subtract(element.start, arc.centre)), side.flat(subtract(end, arc.centre))
-        old = norm(side.flat(subtract(arc.start, arc.centre)))
-        new = self._arc_radius(arc)
         turn = math.atan2(dot(arc.axis, cross(out, back)), dot(out, back)) % (2 * math.pi)
         sweep = turn + 2 * math.pi * round((arc.sweep_rad - turn) / (2 * math.pi))
         if not 0.0 < sweep <= arc.sweep_rad + 1e-6:
             raise _too_small()
-        factor = new / old
+        return [replace(arc, start=element.start, end=end, sweep_rad=sweep)]
+
+    def _at_contour_feed(self, arc: Arc) -> Arc:
+        """The arc at the feed of the tool's centre, by the feed correction in force in its own block."""
+        side = self.side
+        factor = self._arc_radius(arc) / norm(side.flat(subtract(arc.start, arc.centre)))
         is_corrected = side.feed_correction == "CFC" or (side.feed_correction == "CFIN" and factor < 1.0)
-        feed = arc.feed_mm_min * (factor if is_corrected else 1.0)
-        return [replace(arc, start=element.start, end=end, sweep_rad=sweep, feed_mm_min=feed)]
+        return replace(arc, feed_mm_min=arc.feed_mm_min * factor) if is_corrected else arc
 
     def _arc_radius(self, arc: Arc) -> float:
         inward = math.copysign(1.0, dot(arc.axis, self.side.normal)) * self.side.offset_mm

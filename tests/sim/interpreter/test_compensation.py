@@ -88,6 +88,12 @@ def test_arcs_change_their_radius_and_feed() -> None:
         assert arc.feed_mm_min == pytest.approx(feed)
 
 
+def test_the_feed_correction_of_the_arc_s_own_block_counts() -> None:
+    """(6.2) The arc waits for the block after it; a code there does not reach back."""
+    found = moves("G1 G42 X10 Y0 F100 CFC\nX20\nG3 X20 Y20 J10\nCFTCP G1 X0\nG40 X0 Y0")
+    assert [round(move.feed_mm_min, 9) for move in found if isinstance(move, canon.Arc)] == [120.0]
+
+
 def test_inner_corner_between_line_and_arc() -> None:
     """(6.2) The crossing lies 2 mm from both contour elements."""
     found = moves("G1 G42 X0 Y0 F100\nY10\nG2 X10 Y0 I0 J-10\nG1 G40 X20 Y-5")
