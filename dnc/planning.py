@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from dnc.profile import MachineProfile
@@ -31,12 +32,12 @@ def limits_of(profile: MachineProfile) -> ControlLimits:
 def machining_clock(profile_path: Path, subprogram_folder: Path | None = None) -> Callable[[bytes], float]:
     """How long this machine takes for a program, s: the interpreter's commands, timed in closed form."""
     from sim.interpreter.run import interpret
-    from sim.interpreter.settings import KnotRule, Settings
+    from sim.mill import settings_of
     from sim.motion.estimate import estimate_time_s
     from sim.profile import load_mill_profile
 
     profile = load_mill_profile(profile_path)
-    settings = Settings(knot_rule=KnotRule(profile.knot_rule), subprogram_folder=subprogram_folder)
+    settings = replace(settings_of(profile, is_drip_fed=False), subprogram_folder=subprogram_folder)
     return lambda program: estimate_time_s(interpret(program, settings), profile)
 
 

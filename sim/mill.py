@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.interpreter import canon
 from sim.interpreter.run import holds_block, interpret
-from sim.interpreter.settings import KnotRule, Settings
+from sim.interpreter.settings import G28, KnotRule, Settings
 from sim.motion.machine import Machine, MachineState, Samples, StarvedInterval
 from sim.profile import MillProfile
 
@@ -37,7 +37,12 @@ class Recording:
 
 def settings_of(profile: MillProfile, *, is_drip_fed: bool) -> Settings:
     """The control's side of interpreting, as the machine profile has it."""
-    return Settings(knot_rule=KnotRule(profile.knot_rule), is_drip_fed=is_drip_fed)
+    return Settings(
+        knot_rule=KnotRule(profile.knot_rule),
+        g28=G28(profile.g28),
+        backward_jump_alarm=profile.backward_jump_alarm,
+        is_drip_fed=is_drip_fed,
+    )
 
 
 def rehearse(data: bytes, profile: MillProfile, *, override_percent: float = 100.0) -> Recording:

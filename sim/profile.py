@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -38,6 +38,8 @@ class MillProfile:
     xoff: int
     dialect: str
     knot_rule: str
+    g28: str
+    backward_jump_alarm: int
     resolution_mm: float
     tool_length_reference: str
     receive_buffer_bytes: int
@@ -69,7 +71,9 @@ class _Control(msgspec.Struct, frozen=True):
     xon_fill_bytes: Count
     block_cycle_s: Positive
     lookahead_blocks: Annotated[int, Meta(ge=1, le=1_000_000)]
-    knot_rule: str = "nx"
+    knot_rule: Literal["nx", "genua"] = "nx"
+    g28: Literal["iso", "alarm", "ignore"] = "iso"
+    backward_jump_alarm: Annotated[int, Meta(ge=1, le=999_999)] = 14000
     tool_length_reference: str = "tip"
 
 
@@ -106,6 +110,8 @@ def load_mill_profile(path: Path) -> MillProfile:
         xoff=link.xoff,
         dialect=control.dialect,
         knot_rule=control.knot_rule,
+        g28=control.g28,
+        backward_jump_alarm=control.backward_jump_alarm,
         resolution_mm=control.resolution_mm,
         tool_length_reference=control.tool_length_reference,
         receive_buffer_bytes=control.receive_buffer_bytes,

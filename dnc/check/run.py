@@ -37,7 +37,7 @@ from sim.interpreter import canon
 from sim.interpreter.bulk import straight_run
 from sim.interpreter.plain import PlainLines, plain_lines
 from sim.interpreter.run import Interpreter
-from sim.interpreter.settings import Settings
+from sim.interpreter.settings import G28, KnotRule, Settings
 
 _LINE_LIMIT_BYTES = 65536
 _STAMP_LINES = 10
@@ -57,7 +57,7 @@ class Check:
         self._watch = watch
         self.found = Collection()
         self.track = Track(limits)
-        self._settings = settings or Settings(is_drip_fed=True)
+        self._settings = settings or settings_of(limits)
         self._interpreter: Interpreter | None = Interpreter(self._settings)
         self._windows = (RateWindow(1.0), RateWindow(1.2))
         self._errors_here = False
@@ -238,6 +238,18 @@ class Check:
         return size_bytes
 
 
+def settings_of(limits: Limits, subprogram_folder: Path | None = None) -> Settings:
+    """The control's side of interpreting a program that is fed, as the machine profile has it."""
+    control = limits.profile.control
+    return Settings(
+        knot_rule=KnotRule(control.knot_rule),
+        g28=G28(control.g28),
+        backward_jump_alarm=control.backward_jump_alarm,
+        is_drip_fed=True,
+        subprogram_folder=subprogram_folder,
+    )
+
+
 def chunks_of(path: Path) -> Iterator[bytes]:
     """A program in chunks of whole lines, of a line beyond 64 KiB no more than its head; raises InputRejected."""
     if not path.is_file():
@@ -268,7 +280,7 @@ def check_program(path: Path, limits: Limits, progress: Progress | None = None, 
         raise InputRejected(
             f"checking programs for {dialect} is not built yet", path=path, remedy="name a SINUMERIK machine"
         )
-    check = Check(limits, Settings(is_drip_fed=True, subprogram_folder=path.parent), watch)
+    check = Check(limits, settings_of(limits, path.parent), watch)
     line, done_bytes = 1, 0
     for chunk in chunks_of(path):
         if line == 1 and chunk.startswith(UTF16_MARKS):

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sim.mill import rehearse
+from sim.interpreter.canon import Alarm
+from sim.interpreter.run import interpret
+from sim.mill import rehearse, settings_of
 from sim.motion.machine import Samples
 from sim.motion_log import MotionLog, Peaks
 from tests.sim.test_live import PROFILE
@@ -35,6 +38,16 @@ def test_an_alarm_ends_it_with_what_was_cut_before() -> None:
     assert [(alarm.line, alarm.block) for alarm in recording.alarms] == [(2, 20)]
     assert recording.travelled[-1].end[0] == 10.0
     assert recording.blocks == 2
+
+
+def test_what_the_manuals_leave_open_comes_from_the_profile() -> None:
+    """The alarm of a jump back while fed, and what G28 does (6.4)."""
+    profile = replace(PROFILE, backward_jump_alarm=14013, g28="alarm")
+    fed = settings_of(profile, is_drip_fed=True)
+    for text, number in ((b"AGAIN: G4 F1\nGOTOB AGAIN\n", 14013), (b"G28 X0\n", 12470)):
+        last = list(interpret(text, fed))[-1]
+        assert isinstance(last, Alarm)
+        assert last.number == number
 
 
 def test_override_slows_the_rehearsal() -> None:

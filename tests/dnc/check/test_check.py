@@ -21,6 +21,7 @@ from dnc.profile import load_profile
 from dnc.shipped import shipped_path
 from planner.post.base import write_program
 from planner.post.written import ControlLimits
+from sim.interpreter import canon
 from tests.planner.post.paths import THESIS, job, polyline, spline, tool_path
 
 PROFILE = load_profile(shipped_path("machines", "sinumerik-840d"))
@@ -210,6 +211,26 @@ def test_subprograms_are_looked_for_beside_the_program(tmp_path: Path) -> None:
     assert "unknown-word" in {finding.id for finding in check_program(program, Limits(PROFILE)).found.findings}
     (tmp_path / "SIDE.SPF").write_text("G1 X15\nM17\n")
     assert check_program(program, Limits(PROFILE)).found.findings == []
+
+
+def test_what_the_manuals_leave_open_comes_from_the_profile() -> None:
+    """Knot rule, G28 and the alarm of a jump back (6.4, 6.10)."""
+    spline = "G1 X10 F250\nBSPLINE X20 PL={0}\nX30 PL={1}\nX40 PL={1}\nX50 PL={1}\nX60 PL={1}\nX70 PL={0}\nG1 X80\n"
+
+    def check(middle: str, **keys: object) -> list[int]:
+        heard: list[canon.Command] = []
+        control = msgspec.structs.replace(PROFILE.control, **keys)
+        checked = Check(Limits(msgspec.structs.replace(PROFILE, control=control)), watch=heard.append)
+        checked.chunk((HEAD + middle + TAIL).encode(), 1)
+        checked.finish()
+        return [command.number for command in heard if isinstance(command, canon.Alarm)]
+
+    nx, genua = spline.format(0, 5), spline.format(5, 5).replace("X60 PL=5\nX70 PL=5", "X60 PL=0\nX70 PL=0")
+    assert check(nx) == [] == check(genua, knot_rule="genua")
+    assert 14290 in check(nx, knot_rule="genua")
+    assert check("AGAIN: G1 X10 F250\nGOTOB AGAIN\n", backward_jump_alarm=14013) == [14013]
+    assert check("G28 X0\n") == []
+    assert check("G28 X0\n", g28="alarm") == [12470]
 
 
 def test_other_dialects_are_not_checked_as_if_they_were_this_one(tmp_path: Path) -> None:

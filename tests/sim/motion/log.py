@@ -29,6 +29,8 @@ def mill(
         xoff=19,
         dialect="sinumerik",
         knot_rule="nx",
+        g28="iso",
+        backward_jump_alarm=14000,
         resolution_mm=0.001,
         tool_length_reference="tip",
         receive_buffer_bytes=30720,
