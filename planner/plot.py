@@ -108,8 +108,8 @@ def _draw_pass(axes: Any, planned: Planned) -> None:
         axes.plot(*one.break_points.T, "o", color=_INK, markersize=4, fillstyle="none", label="break points")
     where = f"plane at {one.plane.offset_mm:.3f} mm"
     axes.set(
-        xlabel="w, mm",
-        ylabel="z of the centre, mm",
+        xlabel="along the pass, mm",
+        ylabel="Z of the centre, mm",
         title=f"One pass, {where}, within {one.deviation_mm * 1000:.2f} µm",
     )
     axes.grid(alpha=0.25)

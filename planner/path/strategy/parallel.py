@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputRejected
 from planner.path.coverage import border_cusps, border_heights, crossings, pass_runs
-from planner.path.gouge import check_radius, check_reach, tool_side
+from planner.path.gouge import check_creases, check_radius, check_reach, tool_side
 from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
 from planner.path.peaks import Ground, Peaks, lay_ground, survey
@@ -71,6 +71,7 @@ def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
     """The patch turned into the frame of the passes, checked, offset, seeded, its border sampled."""
     seen = survey_patch(patch)
     side = tool_side(seen)
+    check_creases(patch)
     check_radius(seen, side, wishes.radius_mm + wishes.stock_mm)
     surface = OffsetSurface(patch.turned(wishes.angle_rad), wishes.radius_mm, side, wishes.stock_mm)
     spans = len(patch.basis_u.starts) * len(patch.basis_v.starts)

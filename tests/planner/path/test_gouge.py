@@ -8,6 +8,7 @@ import pytest
 from planner.errors import InputRejected
 from planner.path.gouge import check_radius, check_reach, tool_side
 from planner.path.offset import OffsetSurface
+from planner.path.strategy.parallel import Wishes, lay_parallel
 from planner.surface.curvature import survey
 from planner.surface.patch import NurbsPatch
 from tests.planner.surfaces import cylinder_patch, plane_patch, sphere_patch, thesis_patch
@@ -71,3 +72,16 @@ def legs(gap_mm: float, rise_mm: float) -> NurbsPatch:
         rows.append([*line, (-x, 0.0, rise_mm)])
     knots = np.array([0, 0, 0, 0, 0.33, 0.66, 1, 1, 1, 1], dtype=float)
     return NurbsPatch(1, 3, np.array([0.0, 0, 1, 1]), knots, np.array(rows))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("height_mm", [3.0, -3.0, 0.01])
+def test_a_crease_is_refused_with_its_knot_and_angle(axis: int, height_mm: float) -> None:
+    """(4.7) A ridge or a valley at a knot of full multiplicity is named, not met as a failure of some Newton step."""
+    knots = np.array([0.0, 0, 1, 2, 2])
+    x, y = np.meshgrid([0.0, 20, 40], [0.0, 20, 40], indexing="ij")
+    z = np.zeros((3, 3))
+    z[(1, slice(None)) if axis == 0 else (slice(None), 1)] = height_mm
+    patch = NurbsPatch(1, 1, knots, knots, np.stack([x, y, z], axis=2))
+    with pytest.raises(InputRejected, match=f"patch 1 has a crease along {'uv'[axis]} = 1"):
+        lay_parallel(patch, Wishes(4.0, 0.0, 0.05, None), accuracy_mm=1e-7)
