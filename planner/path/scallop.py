@@ -120,21 +120,34 @@ def solve_cusps(
     steps. The step taken when all residuals are below sqrt(residual_mm R) is the last, as the next residual is of the
     order of the square; `is_found` says which cusps came that far.
     """
-    count = len(value)
-    if count > BLOCK:
-        parts = [
-            solve_cusps(
-                surface,
-                (planes_mm[0][block], planes_mm[1][block]),
-                held[block],
-                value[block],
-                CuspGuess(*(getattr(guess, field.name)[..., block] for field in fields(CuspGuess))),
-                residual_mm=residual_mm,
-                steps=steps,
-            )
-            for block in (slice(at, at + BLOCK) for at in range(0, count, BLOCK))
-        ]
-        return Cusps(*(np.concatenate([getattr(part, f.name) for part in parts], axis=-1) for f in fields(Cusps)))
+    blocks = [slice(at, at + BLOCK) for at in range(0, max(len(value), 1), BLOCK)]
+    parts = [
+        _solve_block(
+            surface,
+            (planes_mm[0][block], planes_mm[1][block]),
+            held[block],
+            value[block],
+            CuspGuess(*(getattr(guess, field.name)[..., block] for field in fields(CuspGuess))),
+            residual_mm=residual_mm,
+            steps=steps,
+        )
+        for block in blocks
+    ]
+    return Cusps(*(np.concatenate([getattr(part, f.name) for part in parts], axis=-1) for f in fields(Cusps)))
+
+
+def _solve_block(
+    surface: OffsetSurface,
+    planes_mm: tuple[Array, Array],
+    held: NDArray[np.intp],
+    value: Array,
+    guess: CuspGuess,
+    *,
+    residual_mm: float,
+    steps: int,
+) -> Cusps:
+    """`solve_cusps` for as many cusps as stay in the processor's cache."""
+    count, slack = len(value), np.sqrt(residual_mm * surface.radius_mm)
     foot, height = guess.foot.copy(), guess.height_mm.copy()
     on_a, on_b = guess.on_a.copy(), guess.on_b.copy()
     for _ in range(steps + 1):
@@ -147,7 +160,6 @@ def solve_cusps(
         worst = np.max(
             np.abs(np.concatenate([right, [touch_a.plane_error_mm, touch_b.plane_error_mm]])), axis=0, initial=0.0
         )
-        slack = np.sqrt(residual_mm * surface.radius_mm)
         is_found = (worst <= slack) & (np.maximum(touch_a.foot_error_mm, touch_b.foot_error_mm) <= 50 * slack)
         inverse = _inverse([_row(touch_a.toward, under, height), _row(touch_b.toward, under, height), row])
         change = sum(inverse[:, i] * right[i] for i in range(3))
