@@ -199,3 +199,14 @@ def test_planning_needs_neither_scipy_nor_matplotlib() -> None:
     code = "import sys, planner.plan; print([m for m in ('scipy', 'matplotlib', 'numba') if m in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert found.stdout.strip() == "[]"
+
+
+def test_without_numba_the_program_is_the_same(tmp_path: Path) -> None:
+    """(4.6) Byte for byte, with numba within reach and out of it."""
+    programs = []
+    for block in ("", "sys.modules['numba'] = None; "):
+        code = f"import sys; {block}from dnc.cli.main import run; run()"
+        command = [sys.executable, "-c", code, "plan", shipped_path("jobs", "thesis"), "-o", "part.mpf"]
+        subprocess.run(command, check=True, cwd=tmp_path, capture_output=True)
+        programs.append((tmp_path / "part.mpf").read_bytes())
+    assert programs[0] == programs[1]

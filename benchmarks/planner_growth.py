@@ -1,0 +1,116 @@
+"""How planning time grows with the cut and how spans grow with the tolerance; `--write` draws docs/pictures/.
+
+Processor seconds from planes to bounded splines, on waves z = 5 sin(x / 20) cos(y / 15): once more passes of one
+length, once longer passes of one number. A line of slope 1 is linear growth.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from benchmarks.planner_speed import fixed
+from dnc.shipped import shipped_path
+from planner.path.strategy.parallel import Wishes, prepare
+from planner.shapes import shape_passes
+from planner.surface.load import load_surface
+from planner.surface.patch import NurbsPatch
+
+R_MM = 4.0
+PICTURE = Path(__file__).parents[1] / "docs/pictures/planner-growth.png"
+LENGTHS_MM = (300.0, 600.0, 1200.0, 2400.0)
+PASSES = (60, 120, 240, 480)
+TOLERANCES_MM = 10.0 ** -np.arange(2.0, 4.6, 0.5)
+DEGREE, PITCH_MM = 3, 5.0
+
+Line = tuple[str, list[float], list[float]]
+
+
+def main() -> int:
+    """Print both tables; draw them if asked."""
+    by_cut = [_more_passes(), _longer_passes()]
+    by_tolerance = [_spans("wave", 150.0 + 10.0 * np.arange(5)), _spans("thesis", 5.0 + 10.0 * np.arange(5))]
+    for title, lines in (("cut mm -> s", by_cut), ("path_mm -> spans a pass", by_tolerance)):
+        for name, across, up in lines:
+            print(f"{title}, {name}: {', '.join(f'{x:g} {y:.3g}' for x, y in zip(across, up, strict=True))}")
+            print(f"   grows with the power {np.polyfit(np.log(across), np.log(up), 1)[0]:.3f}")
+    if "--write" in sys.argv[1:]:
+        _draw(by_cut, by_tolerance)
+    return 0
+
+
+def _more_passes() -> Line:
+    patch = wave(300.0, 300.0)
+    return "more passes of 298 mm", *_timed([(patch, 300.0, np.linspace(0.0, 300.0, count)) for count in PASSES])
+
+
+def _longer_passes() -> Line:
+    planes = np.linspace(5.0, 55.0, 60)
+    return "60 longer passes", *_timed([(wave(length, 60.0), length, planes) for length in LENGTHS_MM])
+
+
+def _timed(cases: list[tuple[NurbsPatch, float, np.ndarray]]) -> tuple[list[float], list[float]]:
+    """Cut lengths (mm) and the best of three processor times."""
+    cuts, times = [], []
+    for patch, length_mm, planes in cases:
+        best = np.inf
+        for _ in range(3):
+            begin = time.process_time()
+            ground = prepare(patch, Wishes(R_MM, 0.0, None, 0.5))
+            curves = fixed(ground, planes, 1.2, length_mm - 1.2)
+            shape_passes(curves, "free", 0.001, R_MM)
+            best = min(best, time.process_time() - begin)
+        cuts.append(sum(curve.length_mm for curve in curves))
+        times.append(best)
+    return cuts, times
+
+
+def _spans(surface: str, planes: np.ndarray) -> Line:
+    """Mean spans of five passes over a shipped surface at each tolerance."""
+    (patch,) = load_surface(shipped_path("surfaces", surface))
+    curves = fixed(prepare(patch, Wishes(R_MM, 0.0, None, 1.0)), planes, 1.6, 298.8 if surface == "wave" else 49.4)
+    means = []
+    for path_mm in TOLERANCES_MM:
+        shapes = [one.shape for one in shape_passes(curves, "free", float(path_mm), R_MM)]
+        means.append(float(np.mean([len(shape.control_points) - DEGREE for shape in shapes])))  # type: ignore[union-attr]
+    return surface, TOLERANCES_MM.tolist(), means
+
+
+def wave(x_mm: float, y_mm: float) -> NurbsPatch:
+    """A wave of this size with control points about 5 mm apart, u along y."""
+    knots, places = zip(*(_direction(size) for size in (y_mm, x_mm)), strict=True)
+    y, x = np.meshgrid(*places, indexing="ij")
+    net = np.stack([x, y, 5 * np.sin(x / 20) * np.cos(y / 15)], axis=2)
+    return NurbsPatch(DEGREE, DEGREE, *knots, net)
+
+
+def _direction(size_mm: float) -> tuple[np.ndarray, np.ndarray]:
+    """Clamped knots over [0, 1] and the Greville places, mm."""
+    inner = np.linspace(0.0, 1.0, round(size_mm / PITCH_MM) - DEGREE + 1)
+    knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
+    return knots, size_mm * np.mean([knots[1 + i : len(knots) - DEGREE + i] for i in range(DEGREE)], axis=0)
+
+
+def _draw(by_cut: list[Line], by_tolerance: list[Line]) -> None:
+    figure = Figure(figsize=(9.5, 3.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    for axes, lines, power, law in ((left, by_cut, 1.0, "linear"), (right, by_tolerance, -0.25, "(1/tolerance)^(1/4)")):
+        for name, across, up in lines:
+            axes.loglog(across, up, "o-", label=name)
+        _, across, up = lines[0]
+        axes.loglog(across, up[0] * (np.array(across) / across[0]) ** power, "k:", label=law)
+        axes.grid(visible=True, which="both", alpha=0.25)
+        axes.legend(frameon=False)
+    left.set(xlabel="length of all passes, mm", ylabel="planning time, s", title="Time over cut, 1 um")
+    right.set(xlabel="path tolerance, mm", ylabel="spans a pass", title="Spans over tolerance")
+    figure.savefig(PICTURE, dpi=110)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
