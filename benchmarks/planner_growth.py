@@ -24,9 +24,10 @@ from planner.surface.patch import NurbsPatch
 R_MM = 4.0
 PICTURE = Path(__file__).parents[1] / "docs/pictures/planner-growth.png"
 LENGTHS_MM = (300.0, 600.0, 1200.0, 2400.0)
-PASSES = (60, 120, 240, 480)
+PASSES_OF_EACH_LENGTH = 20
+PASSES = (20, 40, 80, 160, 320)
 TOLERANCES_MM = 10.0 ** -np.arange(2.0, 4.6, 0.5)
-DEGREE, PITCH_MM = 3, 5.0
+PITCH_MM = 5.0
 
 Line = tuple[str, list[float], list[float]]
 
@@ -34,7 +35,12 @@ Line = tuple[str, list[float], list[float]]
 def main() -> int:
     """Print both tables; draw them if asked."""
     by_cut = [_more_passes(), _longer_passes()]
-    by_tolerance = [_spans("wave", 150.0 + 10.0 * np.arange(5)), _spans("thesis", 5.0 + 10.0 * np.arange(5))]
+    (thesis,) = load_surface(shipped_path("surfaces", "thesis"))
+    by_tolerance = [
+        _spans("wave of degree 5", wave(300.0, 300.0, 5), 150.0 + 10.0 * np.arange(5), 298.4),
+        _spans("wave of degree 3", wave(300.0, 300.0), 150.0 + 10.0 * np.arange(5), 298.4),
+        _spans("thesis", thesis, 5.0 + 10.0 * np.arange(5), 49.4),
+    ]
     for title, lines in (("cut mm -> s", by_cut), ("path_mm -> spans a pass", by_tolerance)):
         for name, across, up in lines:
             print(f"{title}, {name}: {', '.join(f'{x:g} {y:.3g}' for x, y in zip(across, up, strict=True))}")
@@ -50,50 +56,48 @@ def _more_passes() -> Line:
 
 
 def _longer_passes() -> Line:
-    planes = np.linspace(5.0, 55.0, 60)
-    return "60 longer passes", *_timed([(wave(length, 60.0), length, planes) for length in LENGTHS_MM])
+    planes = np.linspace(5.0, 55.0, PASSES_OF_EACH_LENGTH)
+    timed = _timed([(wave(length, 60.0), length, planes) for length in LENGTHS_MM])
+    return f"{PASSES_OF_EACH_LENGTH} longer passes", *timed
 
 
 def _timed(cases: list[tuple[NurbsPatch, float, np.ndarray]]) -> tuple[list[float], list[float]]:
-    """Cut lengths (mm) and the best of three processor times."""
+    """Cut lengths (mm) and processor times."""
     cuts, times = [], []
     for patch, length_mm, planes in cases:
-        best = np.inf
-        for _ in range(3):
-            begin = time.process_time()
-            ground = prepare(patch, Wishes(R_MM, 0.0, None, 0.5))
-            curves = fixed(ground, planes, 1.2, length_mm - 1.2)
-            shape_passes(curves, "free", 0.001, R_MM)
-            best = min(best, time.process_time() - begin)
+        begin = time.process_time()
+        ground = prepare(patch, Wishes(R_MM, 0.0, None, 0.5))
+        curves = fixed(ground, planes, 1.2, length_mm - 1.2, 0.001)
+        shape_passes(curves, "free", 0.001, R_MM)
+        times.append(time.process_time() - begin)
         cuts.append(sum(curve.length_mm for curve in curves))
-        times.append(best)
     return cuts, times
 
 
-def _spans(surface: str, planes: np.ndarray) -> Line:
-    """Mean spans of five passes over a shipped surface at each tolerance."""
-    (patch,) = load_surface(shipped_path("surfaces", surface))
-    curves = fixed(prepare(patch, Wishes(R_MM, 0.0, None, 1.0)), planes, 1.6, 298.8 if surface == "wave" else 49.4)
+def _spans(name: str, patch: NurbsPatch, planes: np.ndarray, stop_mm: float) -> Line:
+    """Mean spans of passes over a patch at each tolerance."""
+    ground = prepare(patch, Wishes(R_MM, 0.0, None, 1.0))
     means = []
-    for path_mm in TOLERANCES_MM:
-        shapes = [one.shape for one in shape_passes(curves, "free", float(path_mm), R_MM)]
-        means.append(float(np.mean([len(shape.control_points) - DEGREE for shape in shapes])))  # type: ignore[union-attr]
-    return surface, TOLERANCES_MM.tolist(), means
+    for path_mm in TOLERANCES_MM.tolist():
+        curves = fixed(ground, planes, 1.6, stop_mm, path_mm)
+        shapes = [one.shape for one in shape_passes(curves, "free", path_mm, R_MM)]
+        means.append(float(np.mean([len(shape.control_points) - 3 for shape in shapes])))  # type: ignore[union-attr]
+    return name, TOLERANCES_MM.tolist(), means
 
 
-def wave(x_mm: float, y_mm: float) -> NurbsPatch:
+def wave(x_mm: float, y_mm: float, degree: int = 3) -> NurbsPatch:
     """A wave of this size with control points about 5 mm apart, u along y."""
-    knots, places = zip(*(_direction(size) for size in (y_mm, x_mm)), strict=True)
+    knots, places = zip(*(_direction(size, degree) for size in (y_mm, x_mm)), strict=True)
     y, x = np.meshgrid(*places, indexing="ij")
     net = np.stack([x, y, 5 * np.sin(x / 20) * np.cos(y / 15)], axis=2)
-    return NurbsPatch(DEGREE, DEGREE, *knots, net)
+    return NurbsPatch(degree, degree, *knots, net)
 
 
-def _direction(size_mm: float) -> tuple[np.ndarray, np.ndarray]:
+def _direction(size_mm: float, degree: int) -> tuple[np.ndarray, np.ndarray]:
     """Clamped knots over [0, 1] and the Greville places, mm."""
-    inner = np.linspace(0.0, 1.0, round(size_mm / PITCH_MM) - DEGREE + 1)
-    knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
-    return knots, size_mm * np.mean([knots[1 + i : len(knots) - DEGREE + i] for i in range(DEGREE)], axis=0)
+    inner = np.linspace(0.0, 1.0, round(size_mm / PITCH_MM) - degree + 1)
+    knots = np.concatenate([np.zeros(degree), inner, np.ones(degree)])
+    return knots, size_mm * np.mean([knots[1 + i : len(knots) - degree + i] for i in range(degree)], axis=0)
 
 
 def _draw(by_cut: list[Line], by_tolerance: list[Line]) -> None:

@@ -79,7 +79,7 @@ def _ours(case: Case, patch: NurbsPatch) -> tuple[float, float]:
     for _ in range(3):
         begin = time.perf_counter()
         ground = prepare(patch, Wishes(R_MM, 0.0, None, 1.0))
-        curves = fixed(ground, case.planes_mm, *case.ends_mm)
+        curves = fixed(ground, case.planes_mm, *case.ends_mm, case.path_mm)
         found = shape_passes(curves, "free", case.path_mm, R_MM)
         best = min(best, time.perf_counter() - begin)
     points = []
