@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sim.interpreter import canon
 from sim.interpreter.run import holds_block, interpret
-from sim.interpreter.settings import G28, KnotRule, Settings
+from sim.interpreter.settings import G28, KnotRule, Settings, Tool
 from sim.motion.machine import Machine, MachineState, Samples, StarvedInterval
 from sim.profile import MillProfile
 
@@ -35,19 +35,28 @@ class Recording:
     is_completed: bool
 
 
-def settings_of(profile: MillProfile, *, is_drip_fed: bool) -> Settings:
-    """The control's side of interpreting, as the machine profile has it."""
+def settings_of(
+    profile: MillProfile, *, is_drip_fed: bool, tool_radii_mm: Mapping[int, float] | None = None
+) -> Settings:
+    """The control's side of interpreting, as the machine profile has it; radii by tool number, for G41 and G42."""
     return Settings(
         knot_rule=KnotRule(profile.knot_rule),
         g28=G28(profile.g28),
         backward_jump_alarm=profile.backward_jump_alarm,
         is_drip_fed=is_drip_fed,
+        tools={number: Tool(radius_mm) for number, radius_mm in (tool_radii_mm or {}).items()},
     )
 
 
-def rehearse(data: bytes, profile: MillProfile, *, override_percent: float = 100.0) -> Recording:
+def rehearse(
+    data: bytes,
+    profile: MillProfile,
+    *,
+    override_percent: float = 100.0,
+    tool_radii_mm: Mapping[int, float] | None = None,
+) -> Recording:
     """Interpret and cut a whole program with a buffer that never runs dry; cycle start follows every stop at once."""
-    commands = list(interpret(data, settings_of(profile, is_drip_fed=False)))
+    commands = list(interpret(data, settings_of(profile, is_drip_fed=False, tool_radii_mm=tool_radii_mm)))
     machine = Machine(profile, profile.block_cycle_s)
     machine.set_override(override_percent)
     for command in commands:

@@ -37,7 +37,7 @@ from sim.interpreter import canon
 from sim.interpreter.bulk import straight_run
 from sim.interpreter.plain import PlainLines, plain_lines
 from sim.interpreter.run import Interpreter
-from sim.interpreter.settings import G28, KnotRule, Settings
+from sim.interpreter.settings import G28, KnotRule, Settings, Tool
 
 _LINE_LIMIT_BYTES = 65536
 _STAMP_LINES = 10
@@ -84,8 +84,8 @@ class Check:
         commands = self._interpreter.block(body, number)
         if commands:
             self._commands(commands)
-        else:
-            self._idle(body, number)
+        elif self._interpreter.modal.compensation == "G40":
+            self._idle(body, number)  # otherwise the move waits for the next
 
     def chunk(self, data: bytes, first_line: int) -> int:
         """Check whole lines, those with plain blocks in bulk where that gives the same; the number of the next line."""
@@ -239,7 +239,7 @@ class Check:
 
 
 def settings_of(limits: Limits, subprogram_folder: Path | None = None) -> Settings:
-    """The control's side of interpreting a program that is fed, as the machine profile has it."""
+    """The control's side of interpreting a program that is fed, as the machine profile and the job have it."""
     control = limits.profile.control
     return Settings(
         knot_rule=KnotRule(control.knot_rule),
@@ -247,6 +247,7 @@ def settings_of(limits: Limits, subprogram_folder: Path | None = None) -> Settin
         backward_jump_alarm=control.backward_jump_alarm,
         is_drip_fed=True,
         subprogram_folder=subprogram_folder,
+        tools={number: Tool(radius_mm) for number, radius_mm in limits.tool_radii_mm.items()},
     )
 
 

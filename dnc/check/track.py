@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -19,11 +20,12 @@ _AXES = frozenset("XYZ")
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a program is checked against; the heights and the stock are known only where a job was given."""
+    """What a program is checked against; heights, stock and tool radii are known only where a job was given."""
 
     profile: MachineProfile
     clearance_z_mm: float | None = None
     stock_box_mm: Box | None = None
+    tool_radii_mm: Mapping[int, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.command(epilog="Example: dnc check part.mpf --machine sinumerik-840d --job job.toml")
 @click.argument("program", type=click.Path(path_type=Path))
 @click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
-@click.option("--job", type=click.Path(path_type=Path), help="job file: stock box and clearance of the part")
+@click.option("--job", type=click.Path(path_type=Path), help="job file: stock box, clearance and tool radii")
 @click.option("--baud", type=click.IntRange(50, 4_000_000), help="in place of the profile's")
 @click.option("--sheet", type=click.Path(path_type=Path), help="write a setup sheet as HTML")
 @click.option("--json", "as_json", is_flag=True, help="the report as JSON on stdout")
@@ -63,8 +63,9 @@ def _limits(machine: str, job: Path | None, baud: int | None) -> Limits:
         profile = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=baud))
     if job is None:
         return Limits(profile)
-    setup = load_job(job).setup
-    return Limits(profile, setup.clearance_z_mm, setup.stock_box_mm)
+    loaded = load_job(job)
+    radii_mm = {tool.number: tool.radius_mm for tool in loaded.tool}
+    return Limits(profile, loaded.setup.clearance_z_mm, loaded.setup.stock_box_mm, radii_mm)
 
 
 def _write_sheet(sheet: Path, program: Path, machine: str, watch: SheetWatch, done: Check) -> None:

@@ -43,6 +43,7 @@ def command(
 
     from dnc.errors import ExitCode, InputRejected
     from dnc.profile import profile_path
+    from planner.job import load_job
     from sim.mill import rehearse
     from sim.nominal import load_nominal
     from sim.profile import load_mill_profile
@@ -55,7 +56,8 @@ def command(
         require_drawing()
     nominal = load_nominal(job) if job is not None else None
     data = _bytes_of(program)
-    recording = rehearse(data, load_mill_profile(profile_path(machine)))
+    radii_mm = {tool.number: tool.radius_mm for tool in load_job(job).tool} if job is not None else None
+    recording = rehearse(data, load_mill_profile(profile_path(machine)), tool_radii_mm=radii_mm)
     verdict = _verdict(nominal, recording, pitch) if nominal is not None else None
     made = _report(program, data, machine, recording, verdict)
     if motion is not None:

@@ -233,6 +233,18 @@ def test_what_the_manuals_leave_open_comes_from_the_profile() -> None:
     assert check("G28 X0\n", g28="alarm") == [12470]
 
 
+def test_the_job_gives_the_radii_that_compensation_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a job G41 is an alarm, with one the tool runs beside the contour, checked and simulated (6.2, 6.10)."""
+    path, motion = tmp_path / "part.mpf", tmp_path / "motion.csv"
+    path.write_text(HEAD.replace("G54\n", "G54\nTRANS Z20\n") + "G1 G41 X10 Y0 F250\nX20\nG40 X30 Y9\n" + TAIL)
+    assert run_with(["check", str(path)]) == 3
+    capsys.readouterr()
+    assert run_with(["check", str(path), "--job", str(THESIS)]) == 0
+    assert capsys.readouterr().out == "17 blocks: 0 errors, 0 warnings, 0 notes\n"
+    assert run_with(["simulate", str(path), "--job", str(THESIS), "--pitch", "5", "--motion", str(motion)]) == 0
+    assert "4.000000" in {row.split(",")[2] for row in motion.read_text().splitlines()}
+
+
 def test_other_dialects_are_not_checked_as_if_they_were_this_one(tmp_path: Path) -> None:
     """(6.10)"""
     program = tmp_path / "part.nc"
