@@ -88,10 +88,14 @@ def run_case(folder: Path, name: str, patch: NurbsPatch, scallop_mm: float, angl
 def write_job(folder: Path, patch: NurbsPatch, scallop_mm: float, angle_deg: float) -> None:
     """The shipped thesis job, with this surface, scallop and angle."""
     text = shipped_path("jobs", "thesis").read_text()
-    text = text.replace("../surfaces/thesis.toml", "surface.toml").replace(
-        "angle_deg = 0.0", f"angle_deg = {angle_deg}"
-    )
-    (folder / "job.toml").write_text(text.replace("scallop_mm = 0.08", f"scallop_mm = {scallop_mm}"))
+    for old, new in (
+        ("../surfaces/thesis.toml", "surface.toml"),
+        ("angle_deg = 0.0", f"angle_deg = {angle_deg}"),
+        ("scallop_mm = 0.08", f"scallop_mm = {scallop_mm}"),
+        ("clearance_z_mm = 10.0", "clearance_z_mm = 30.0"),
+    ):
+        text = text.replace(old, new)
+    (folder / "job.toml").write_text(text)
     keys = {
         "degree": [patch.degree_u, patch.degree_v],
         "knots_u": patch.knots_u.tolist(),
