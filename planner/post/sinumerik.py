@@ -158,6 +158,15 @@ def _size_bytes(texts: Sequence[PassText]) -> int:
     return sum(len(block) + 1 for text in texts for block in text.blocks)
 
 
+def work_offset(code: str) -> str:
+    """The settable offset as the control knows it, G54 to G57 or G505 to G599; raises InputRejected."""
+    if not re.fullmatch(r"G(5[4-7]|50[5-9]|5[1-9]\d)", code):
+        raise InputRejected(
+            f"setup.work_offset {code!r} is no offset of a SINUMERIK", remedy="use G54 to G57 or G505 to G599"
+        )
+    return code
+
+
 def program_name(name: str) -> str:
     """The name as the control files it: letters, digits, underscore, 24 at most; raises InputRejected."""
     upper = name.upper()
@@ -182,7 +191,7 @@ def _head(page: _Page, job: Job, operation: Operation, control: ControlLimits, l
     page.comment(f";{_stamp(job, operation, lift_mm).text()}")
     page.block(_modes(control))
     page.block(f"TRANS Z{page.length(lift_mm)}" if lift_mm else "TRANS")
-    page.block(job.setup.work_offset)
+    page.block(work_offset(job.setup.work_offset))
     _retract(page, control)
     if control.has_tool_changer:
         page.block(f"T{tool.number} M6")

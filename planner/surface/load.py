@@ -19,6 +19,7 @@ from planner.surface.patch import NurbsPatch
 
 Array = NDArray[np.float64]
 Degree = Annotated[int, Meta(ge=1, le=9)]
+MAX_COORDINATE_MM = 100_000.0  # no mill of this kind reaches further, and a slip of the unit does
 MAX_CONTROL_POINTS = 250_000  # 16 coefficients of 3 doubles each: 100 MB
 
 
@@ -72,6 +73,13 @@ def _patch(
         line = lines.get((*at, "control_points", uneven))
         what = f"{name}: control_points is not a full grid"
         raise InputRejected(what, path=path, line=line, remedy="give every row the same number of points")
+    for i, row in enumerate(rows):
+        if any(abs(value) > MAX_COORDINATE_MM for point in row for value in point):
+            what, line = (
+                f"{name}: a coordinate is beyond {MAX_COORDINATE_MM:g} mm",
+                lines.get((*at, "control_points", i)),
+            )
+            raise InputRejected(what, path=path, line=line, remedy="give millimetres")
     shape = (len(rows), len(rows[0]))
     if shape[0] * shape[1] > MAX_CONTROL_POINTS:
         what = f"{shape[0]} x {shape[1]} control points are more than {MAX_CONTROL_POINTS}"

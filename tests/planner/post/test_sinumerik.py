@@ -14,6 +14,7 @@ import pytest
 
 from planner.errors import InputRejected
 from planner.post.base import write_program
+from planner.post.sinumerik import work_offset
 from planner.post.stamp import read_stamp
 from planner.post.written import ControlLimits
 from tests.planner.post.paths import job, polyline, spline, tool_path
@@ -163,6 +164,18 @@ def test_control_with_few_decimals_is_said() -> None:
 def test_refusals_are_one_sentence(post: dict[str, str], sentence: str) -> None:
     with pytest.raises(InputRejected, match=sentence):
         written([spline(1)], **post)
+
+
+@pytest.mark.parametrize("code", ["G53", "G58", "G99", "G504", "G5050", "G54 M30"])
+def test_only_a_settable_offset_is_written(code: str) -> None:
+    """(2.7) Any other code would do something else at the machine."""
+    with pytest.raises(InputRejected, match="no offset of a SINUMERIK"):
+        work_offset(code)
+
+
+@pytest.mark.parametrize("code", ["G54", "G57", "G505", "G510", "G599"])
+def test_a_settable_offset_is_written_as_it_stands(code: str) -> None:
+    assert work_offset(code) == code
 
 
 def test_no_pass_is_refused() -> None:

@@ -55,6 +55,7 @@ def test_weights_are_read(tmp_path: Path) -> None:
         ("[[0, 10, 0], [10, 10, 1]]", "[[0, 10, 0]]", 6, "full grid"),
         ("[10, 10, 1]", "[10, 10, nan]", 6, "nan"),
         ("[10, 10, 1]", "[10, 10]", 6, "length 3"),
+        ("[10, 10, 1]", "[10, 1e12, 1]", 6, "beyond 100000 mm"),
         ("degree = [1, 1]", "degree = [0, 1]", 1, ">= 1"),
         ("degree = [1, 1]", "degre = [1, 1]", 1, "did you mean degree"),
         ("control_points", "weights = [[1, 0], [1, 1]]\ncontrol_points", 4, "not above 0"),
