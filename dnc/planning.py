@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,8 +47,21 @@ def line_of(profile: MachineProfile) -> tuple[int, float]:
     return profile.link.baud, 1 + int(data) + (parity != "N") + float(stop)
 
 
+def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
+    """Raises InputRejected where a file to be written is also read, or is written twice."""
+    read, written = {path.resolve() for path in inputs}, set[Path]()
+    for path in outputs:
+        if path.resolve() in read:
+            raise InputRejected("is read by this command and would be lost", path=path, remedy="name another file")
+        if path.resolve() in written:
+            raise InputRejected("would be written twice", path=path, remedy="give every output a name of its own")
+        written.add(path.resolve())
+
+
 def write_file(path: Path, data: bytes) -> None:
-    """Write a whole file or nothing: a temporary name beside it, then a rename."""
+    """Write a whole file or nothing: a temporary name beside it, then a rename; never in place of a device."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise InputRejected("is not a regular file", path=path, remedy="name a file to write")
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         part.write_bytes(data)

@@ -65,6 +65,9 @@ def run_with(arguments: list[str]) -> int:
     except click.exceptions.Abort:
         click.echo("dnc: interrupted", err=True)
         return 130
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        return int(ExitCode.USAGE)
     except click.ClickException as error:
         click.echo(f"dnc: {_usage_sentence(error)}", err=True)
         return int(ExitCode.USAGE)

@@ -43,17 +43,23 @@ def command(
     """
     import json
 
-    from dnc.planning import limits_of, line_of, machining_clock, write_file
+    from dnc.planning import check_outputs, limits_of, line_of, machining_clock, write_file
     from dnc.profile import load_profile, profile_path
+    from planner.job import load_job
     from planner.plan import plan_job
 
+    sidecar = output.with_name(output.name + ".json")
+    asked = load_job(job)
+    check_outputs(
+        [output, sidecar, *(path for path in (report, plot, sheet) if path is not None)],
+        [job, job.parent / asked.part.surface],
+    )
     profile_file = profile_path(machine)
     profile = load_profile(profile_file)
     if knot_test:
-        from planner.job import load_job
         from planner.post.knot_test import knot_test_program
 
-        write_file(output, knot_test_program(load_job(job).setup.safe_z_mm))
+        write_file(output, knot_test_program(asked.setup.safe_z_mm))
         return 0
     changes: dict[str, Any] = {"control": control, "blocks": blocks}
     planned = plan_job(
@@ -76,7 +82,7 @@ def command(
 
         write_file(sheet, plan_sheet(planned).encode())
     write_file(output, planned.program)
-    write_file(output.with_name(output.name + ".json"), (json.dumps(planned.sidecar) + "\n").encode())
+    write_file(sidecar, (json.dumps(planned.sidecar) + "\n").encode())
     if report is not None:
         write_file(report, text.encode())
     for warning in planned.warnings:

@@ -39,6 +39,12 @@ def test_internal_fault_is_a_sentence_and_a_file(
     assert "ZeroDivisionError" in (tmp_path / "dnc/fault.txt").read_text()
 
 
+def test_no_command_shows_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    """(2.7)"""
+    assert main.run_with([]) == ExitCode.USAGE
+    assert "\nCommands:\n" in capsys.readouterr().err
+
+
 def test_unknown_command_is_usage(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run_with(["sned"]) == ExitCode.USAGE
     assert capsys.readouterr().err == "dnc: no such command 'sned'; see dnc --help\n"
