@@ -83,8 +83,11 @@ def screen(known: Known, columns: int, rows: int) -> list[Row]:
 
 
 def planned(known: Known) -> tuple[float, float] | None:
-    """Planned seconds done and in all; None while there is no forecast."""
+    """Planned seconds done and in all; None without a forecast, or when all is sent and nobody reads the machine."""
     if known.forecast is None or known.job is None:
+        return None
+    is_seen = known.machine is not None and known.machine.value("execution") is not None
+    if known.job.snapshot.get("state") == "SENT" and not is_seen:
         return None
     doubt = known.job.snapshot.get("in_doubt")
     block = known.machine.value("block") if known.machine is not None else None

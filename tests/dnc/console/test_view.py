@@ -151,6 +151,7 @@ def test_progress_is_by_planned_time_where_there_is_a_plan() -> None:
     assert "next stop in 0:30" in text
     assert "left" not in shown(known(forecast=plan, job=job(state="FAULTED")))
     assert planned(known(forecast=plan, machine=None)) == (100.0, 360.0)
+    assert planned(known(forecast=plan, machine=None, job=job(state="SENT"))) is None
     completed = machine(dataclasses.replace(PANEL, execution=Execution.PROGRAM_COMPLETED))
     assert planned(known(forecast=plan, machine=completed)) == (360.0, 360.0)
 
