@@ -45,7 +45,6 @@ def split_program(data: bytes, most_bytes: int, heights: Heights, settings: Sett
         if not fitting:
             raise InputRejected(
                 f"the blocks from line {first_line} on do not fit into {most_bytes} bytes up to the next clear place",
-                line=first_line,
                 remedy="allow larger parts, or plan with a coarser tolerance",
             )
         end = fitting[-1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 
 import click
 
@@ -17,6 +18,9 @@ def command(machine: str, modbus: str | None, *, low_power: bool) -> int:
     It attaches to any `dnc send` on this computer and to the machine's Modbus. Leaving or killing it leaves the job
     alone. No key of it is an emergency stop.
     """
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise click.UsageError("the console needs a terminal; dnc status --watch reads the same too")
+
     from dnc.console.app import Console, Machine
     from dnc.places import config_folder, runtime_folder
     from dnc.profile import load_profile, profile_path

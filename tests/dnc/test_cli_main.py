@@ -56,6 +56,10 @@ def test_unknown_command_is_usage(capsys: pytest.CaptureFixture[str]) -> None:
         (["send", "part.mpf"], "dnc: give --port PORT, or --dry-run for the virtual mill; see dnc send --help\n"),
         (["serve"], "dnc: serve is not built yet; see dnc --help\n"),
         (
+            ["console"],
+            "dnc: the console needs a terminal; dnc status --watch reads the same too; see dnc console --help\n",
+        ),
+        (
             ["mill", "--speed", "0"],
             "dnc: invalid value for '--speed': 0.0 is not in the range 0.001<=x<=100000; see dnc mill --help\n",
         ),
