@@ -1,8 +1,9 @@
-"""Accessibility: probes that no ball can touch without cutting the design elsewhere.
+"""Accessibility: probes that the cutter cannot touch without cutting the design elsewhere.
 
 A ball that touches a point from outside has its centre one radius along the normal. It may stay there if no other
 point of the design lies inside the ball or beside the shank above it, and if the design bends toward the tool less
-sharply than the ball.
+sharply than the ball. A cutter with a flat end touches with its rounded edge, or on level ground with any point of its
+end; it is tried in these places against the points of a net of an eighth of its radius.
 """
 
 from __future__ import annotations
@@ -15,13 +16,21 @@ from scipy.ndimage import maximum_filter
 from scipy.spatial import cKDTree
 
 from sim.grid import Net, net_of
+from sim.tool import Tool
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 
-def accessible(nets: Sequence[Net], radius_mm: float, depth_mm: float) -> list[Flags]:
-    """For every net, (n, m): whether a ball of this radius can touch the probe, to within `depth_mm` of interference.
+def accessible(nets: Sequence[Net], tool: Tool, depth_mm: float) -> list[Flags]:
+    """For every net, (n, m): whether the cutter can touch the probe, to within `depth_mm` of interference."""
+    if tool.flat_mm > 0:
+        return _to_blunt(nets, tool, depth_mm)
+    return _to_ball(nets, tool.corner_mm, depth_mm)
+
+
+def _to_ball(nets: Sequence[Net], radius_mm: float, depth_mm: float) -> list[Flags]:
+    """The probes that a ball can touch.
 
     A coarse net (a quarter of the radius) finds the neighbourhoods where something may be in the way; only there every
     probe is tried against all others.
@@ -96,3 +105,52 @@ def _is_beside(centres: Floats, design: Floats, radius_mm: float) -> Flags:
             not (high[found, 2] > centre[2]).any() for found, centre in zip(lists, asked, strict=True)
         ]
     return np.asarray(is_clear)
+
+
+def _to_blunt(nets: Sequence[Net], tool: Tool, depth_mm: float) -> list[Flags]:
+    """The probes that a cutter with a flat end can touch."""
+    radius_mm = tool.corner_mm + tool.flat_mm
+    coarse = [net_of(net.patch, max(net.pitch_mm, radius_mm / 8)) for net in nets]
+    design = np.concatenate([net.points.reshape(-1, 3) for net in coarse])
+    design = design[np.isfinite(design).all(axis=1)]
+    tree = cKDTree(design[:, :2])
+    result = []
+    for net in nets:
+        points, normals = net.points.reshape(-1, 3), net.normals.reshape(-1, 3)
+        level = np.hypot(normals[:, 0], normals[:, 1])
+        is_free = np.zeros(len(points), dtype=bool)
+        slanting = np.flatnonzero((normals[:, 2] > 0) & (level > 1e-6))
+        aside = tool.flat_mm * normals[slanting] / level[slanting, None] * (1.0, 1.0, 0.0)
+        centres = points[slanting] + tool.corner_mm * normals[slanting] + aside
+        is_free[slanting] = _is_clear(centres, tree, design, tool, depth_mm)
+        even = np.flatnonzero((normals[:, 2] > 0) & (level <= 1e-6))
+        for x, y in _rim(tool.flat_mm):
+            still = even[~is_free[even]]
+            centres = points[still] + (x, y, tool.corner_mm)
+            is_free[still] = _is_clear(centres, tree, design, tool, depth_mm)
+        result.append(is_free.reshape(net.area_mm2.shape))
+    return result
+
+
+def _rim(flat_mm: float) -> list[tuple[float, float]]:
+    """Where the tool's axis may stand from a point of level ground that its flat end touches: over it, and around."""
+    turns = np.arange(16) * np.pi / 8
+    return [(0.0, 0.0), *((flat_mm * float(np.cos(turn)), flat_mm * float(np.sin(turn))) for turn in turns)]
+
+
+def _is_clear(centres: Floats, tree: cKDTree, design: Floats, tool: Tool, depth_mm: float) -> Flags:
+    """Whether no point of the design lies deeper than `depth_mm` in the cutter standing at each place."""
+    is_clear = np.ones(len(centres), dtype=bool)
+    for begin in range(0, len(centres), 5000):
+        part = centres[begin : begin + 5000]
+        lists: list[list[int]] = list(tree.query_ball_point(part[:, :2], tool.corner_mm + tool.flat_mm, workers=-1))
+        counts = np.fromiter(map(len, lists), dtype=np.int64, count=len(part))
+        which = np.repeat(np.arange(len(part)), counts)
+        if not len(which):
+            continue
+        away = design[np.concatenate(lists).astype(np.int64)] - part[which]
+        out, down = np.hypot(away[:, 0], away[:, 1]) - tool.flat_mm, -away[:, 2]
+        beside = np.hypot(np.maximum(out, 0.0), np.maximum(down, 0.0))
+        depth = np.where(beside > 0, tool.corner_mm - beside, tool.corner_mm - np.maximum(out, down))
+        is_clear[begin + which[depth > depth_mm]] = False
+    return is_clear

@@ -33,7 +33,7 @@ Flags = NDArray[np.bool_]
 class PatchMap:
     """Deviation over one patch: what the probes of its net found; `motions` (k,) is the motion of every piece.
 
-    `is_accessible` (n, m) says which probes a ball can touch without cutting the design elsewhere.
+    `is_accessible` (n, m) says which probes the cutter can touch without cutting the design elsewhere.
     """
 
     net: Net
@@ -126,7 +126,7 @@ def judge(
 ) -> Verdict:
     """Measure what these motions leave of the nominal surface.
 
-    `reference` says what a programmed point is: "tip" or "centre" of the ball. A probe is covered when less than
+    `reference` says what a programmed point is: "tip", or "centre" of ball or corner. A probe is covered when less than
     `reach_mm` (a quarter of the tool's radius unless given) of material stands on it.
     """
     radius_mm = tool.corner_mm + tool.flat_mm
@@ -135,7 +135,7 @@ def judge(
     sweep = sweep_of(motions, lift_mm, sag_mm=radius_mm / 800, length_mm=radius_mm / 3, fit_mm=1e-7)
     probes = probes_of(sweep, tool, reach_mm=reach_mm)
     nets = [net_of(patch, probe_pitch_mm) for patch in nominal.patches]
-    free = accessible(nets, tool.corner_mm, 1e-6)
+    free = accessible(nets, tool, 1e-6)
     maps = tuple(_map(net, probes, is_free) for net, is_free in zip(nets, free, strict=True))
     touched = range(len(maps)) if len(sweep.motion) else ()
     scallops = [place for index in touched for place in _scallops(index, maps[index], probes, motions)]

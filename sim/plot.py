@@ -102,8 +102,9 @@ def _draw_stock(axes: Any, verdict: Verdict) -> None:
 
 def _draw_section(axes: Any, verdict: Verdict) -> None:
     if verdict.scallops:
-        worst = verdict.scallops[0]
-        width_mm = 4.0 * (2.0 * verdict.probes.tool.corner_mm * worst.deviation_mm) ** 0.5
+        worst, tool = verdict.scallops[0], verdict.probes.tool
+        radius_mm = tool.corner_mm + tool.flat_mm
+        width_mm = 4.0 * (2.0 * radius_mm * worst.deviation_mm) ** 0.5
         section = section_at(verdict, worst, width_mm, 801)
         axes.plot(section.distance_mm, 1000 * section.deviation_mm, color="#456990")
         x, y, _ = worst.position_mm

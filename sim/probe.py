@@ -73,7 +73,7 @@ class Probes:
             (self.strands.chords, self.strands.firsts, self.chords, self.sweep.coefficients, bins.items),
             bins.starts,
             (bins.x0_mm, bins.y0_mm, bins.cell_mm, *bins.shape),
-            self.tool.corner_mm,
+            (self.tool.corner_mm, self.tool.flat_mm),
             self.reach_mm,
             self.margin_mm,
             height,
@@ -88,6 +88,21 @@ class Probes:
             return np.zeros((len(found.piece), 3))
         powers = found.parameter[:, None] ** np.arange(4)
         return np.asarray(np.einsum("nk,nkx->nx", powers, self.sweep.coefficients[found.piece]))
+
+    def spokes(self, found: Heights, points: Floats) -> Floats:
+        """Vectors (n, 3) square to the cutter's skin where it cut each probe, `points` (n, 3) being the places cut."""
+        away = points - self.centres(found)
+        corner_mm, flat_mm = self.tool.corner_mm, self.tool.flat_mm
+        if flat_mm == 0:
+            return away
+        rho = np.linalg.norm(away[:, :2], axis=1)
+        out, down = np.maximum(rho - flat_mm, 0.0), np.minimum(away[:, 2], 0.0)
+        if corner_mm == 0:
+            is_floor = away[:, 2] < 1e-9
+            out, down = np.where(is_floor, 0.0, 1.0), np.where(is_floor, -1.0, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            level = np.where(out > 0, out / rho, 0.0)
+        return np.column_stack([level[:, None] * away[:, :2], down])
 
 
 def probes_of(sweep: Sweep, tool: Tool, *, reach_mm: float) -> Probes:

@@ -1,4 +1,4 @@
-"""Probes against the swept ball, compiled: one ray after the other, exact on the curve of every piece that counts.
+"""Probes against the swept cutter, compiled: one ray after the other, exact on the curve of every piece that counts.
 
 The geometry is told in `sim/MODEL.md`; `sim.probe_pure` gives the same figures where numba is not installed. Scalars
 are mm; p is the probe's point, n its unit normal. A chord is (ax, ay, az, dx, dy, dz, sag). `layers` is (chords of
@@ -9,12 +9,15 @@ width, rows, columns); what is found is (height, piece, parameter on the piece).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
 
+import numba  # noqa: F401  (its absence chooses sim.probe_pure)
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from sim import blunt
+from sim.blunt import Edge, Vector, compiled
+
+blunt_entry, blunt_contains = blunt.entry, blunt.contains
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -22,13 +25,6 @@ Items = NDArray[np.int32]
 Layers = tuple[Floats, Ints, Floats, Floats, Items]
 Found = tuple[float, int, float]
 Grid = tuple[float, float, float, int, int]
-Vector = tuple[float, float, float]
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def compiled(function: F) -> F:
-    """The function through numba, kept on disk between runs, free of the interpreter's lock."""
-    return cast("F", njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 @compiled
@@ -124,9 +120,12 @@ def _lowest(p: Vector, n: Vector, c: Floats, k: int, start: float, radius: float
 
 @compiled
 def _piece_entry(
-    p: Vector, n: Vector, c: Floats, chords: Floats, k: int, radius: float, best: float
+    p: Vector, n: Vector, c: Floats, chords: Floats, k: int, edge: Edge, best: float
 ) -> tuple[float, float]:
-    """(entry, s) of the line into the cutter swept along one piece, ball and shank; inf where it misses."""
+    """(entry, s) of the line into the cutter swept along one piece, end and shank; inf where it misses."""
+    if edge[1] > 0.0:
+        return blunt_entry(p, n, c, k, edge)
+    radius = edge[0]
     start = _start(p, n, chords, k, radius + chords[k, 6], 1.0)
     x = chords[k, 0] + start * chords[k, 3] - p[0]
     y = chords[k, 1] + start * chords[k, 4] - p[1]
@@ -156,8 +155,11 @@ def _shank_entry(p: Vector, n: Vector, c: Floats, chords: Floats, k: int, radius
 
 
 @compiled
-def _contains(p: Vector, c: Floats, chords: Floats, k: int, s: float, radius: float) -> bool:
+def _contains(p: Vector, c: Floats, chords: Floats, k: int, s: float, edge: Edge) -> bool:
     """Whether a point is in the cutter swept along a piece: in the ball at s, else in the sweep of the chord."""
+    if edge[1] > 0.0:
+        return blunt_contains(p, c, k, edge)
+    radius = edge[0]
     x = c[k, 0, 0] + s * (c[k, 1, 0] + s * (c[k, 2, 0] + s * c[k, 3, 0])) - p[0]
     y = c[k, 0, 1] + s * (c[k, 1, 1] + s * (c[k, 2, 1] + s * c[k, 3, 1])) - p[1]
     z = c[k, 0, 2] + s * (c[k, 1, 2] + s * (c[k, 2, 2] + s * c[k, 3, 2])) - p[2]
@@ -176,13 +178,13 @@ def _cell(x: float, y: float, grid: Grid) -> int:
 
 @compiled
 def _outward(
-    p: Vector, n: Vector, at: float, found: Found, layers: Layers, listed: tuple[int, int], radius: float
+    p: Vector, n: Vector, at: float, found: Found, layers: Layers, listed: tuple[int, int], edge: Edge
 ) -> Found:
     """The first entry above height `at` among the strands listed, or, <= 0, one that holds p."""
     strands, firsts, chords, pieces, items = layers
     best, owner, where = found
     for item in range(listed[0], listed[1]):
-        middle, room = 0.5 * (at + best), radius + 0.5 * (best - at)
+        middle, room = 0.5 * (at + best), edge[0] + edge[1] + 0.5 * (best - at)
         x = (p[0] + middle * n[0], p[1] + middle * n[1], p[2] + middle * n[2])
         strand = items[item]
         if _is_far(x, strands, strand, room) or _gap2(x, strands, strand) > (room + strands[strand, 6]) ** 2:
@@ -190,8 +192,8 @@ def _outward(
         for k in range(firsts[strand], firsts[strand + 1]):
             if _gap2(x, chords, k) > (room + chords[k, 6]) ** 2:
                 continue
-            entry, s = _piece_entry(p, n, pieces, chords, k, radius, best)
-            if entry < best and (entry > 0.0 or _contains(p, pieces, chords, k, s, radius)):
+            entry, s = _piece_entry(p, n, pieces, chords, k, edge, best)
+            if entry < best and (entry > 0.0 or _contains(p, pieces, chords, k, s, edge)):
                 best, owner, where = entry, k, s
                 if best <= 0.0:
                     return best, owner, where
@@ -199,28 +201,28 @@ def _outward(
 
 
 @compiled
-def _inward(p: Vector, n: Vector, found: Found, layers: Layers, listed: tuple[int, int], radius: float) -> Found:
+def _inward(p: Vector, n: Vector, found: Found, layers: Layers, listed: tuple[int, int], edge: Edge) -> Found:
     """The cut followed further in through every piece that holds the point reached so far."""
     strands, firsts, chords, pieces, items = layers
     depth, owner, where = found
     for item in range(listed[0], listed[1]):
         strand = items[item]
         x = (p[0] + depth * n[0], p[1] + depth * n[1], p[2] + depth * n[2])
-        if _gap2(x, strands, strand) > (radius + strands[strand, 6]) ** 2:
+        if _gap2(x, strands, strand) > (edge[0] + edge[1] + strands[strand, 6]) ** 2:
             continue
         for k in range(firsts[strand], firsts[strand + 1]):
             x = (p[0] + depth * n[0], p[1] + depth * n[1], p[2] + depth * n[2])
-            if _gap2(x, chords, k) > (radius + chords[k, 6]) ** 2:
+            if _gap2(x, chords, k) > (edge[0] + edge[1] + chords[k, 6]) ** 2:
                 continue
-            entry, s = _piece_entry(p, n, pieces, chords, k, radius, depth)
-            if entry < depth and _contains(x, pieces, chords, k, s, radius):
+            entry, s = _piece_entry(p, n, pieces, chords, k, edge, depth)
+            if entry < depth and _contains(x, pieces, chords, k, s, edge):
                 depth, owner, where = entry, k, s
     return depth, owner, where
 
 
 @compiled
 def _cut(
-    p: Vector, n: Vector, found: Found, layers: Layers, starts: Ints, grid: Grid, radius: float, margin: float
+    p: Vector, n: Vector, found: Found, layers: Layers, starts: Ints, grid: Grid, edge: Edge, margin: float
 ) -> Found:
     """One probe: outward cell by cell to the first entry, or, where p is cut away, inward as far as the cut goes."""
     at = 0.0
@@ -229,14 +231,14 @@ def _cut(
     while found[0] > 0.0 and at < found[0]:
         cell = _cell(p[0] + at * n[0], p[1] + at * n[1], grid)
         if cell >= 0:
-            found = _outward(p, n, at, found, layers, (starts[cell], starts[cell + 1]), radius)
+            found = _outward(p, n, at, found, layers, (starts[cell], starts[cell + 1]), edge)
         at += step
     before = 1.0
     while found[0] <= 0.0 and found[0] < before:
         before = found[0]
         cell = _cell(p[0] + before * n[0], p[1] + before * n[1], grid)
         if cell >= 0:
-            found = _inward(p, n, found, layers, (starts[cell], starts[cell + 1]), radius)
+            found = _inward(p, n, found, layers, (starts[cell], starts[cell + 1]), edge)
     return found
 
 
@@ -247,7 +249,7 @@ def heights(
     layers: Layers,
     starts: Ints,
     grid: Grid,
-    radius: float,
+    edge: Edge,
     reach: float,
     margin: float,
     out: Floats,
@@ -264,10 +266,10 @@ def heights(
         n = (normals[k, 0], normals[k, 1], normals[k, 2])
         found = (reach, -1, 0.0)
         if guess >= 0:
-            entry, s = _piece_entry(p, n, layers[3], layers[2], guess, radius, reach)
+            entry, s = _piece_entry(p, n, layers[3], layers[2], guess, edge, reach)
             if 0.0 < entry < reach:
                 found = (entry, guess, s)
-        found = _cut(p, n, found, layers, starts, grid, radius, margin)
+        found = _cut(p, n, found, layers, starts, grid, edge, margin)
         guess = found[1]
         out[k] = found[0] if guess >= 0 else math.inf
         owners[k] = guess

@@ -1,4 +1,4 @@
-"""Probes against the swept ball in numpy: the twin of `sim.probe_fast`, many (probe, piece) pairs at a time.
+"""Probes against the swept cutter in numpy: the twin of `sim.probe_fast`, many (probe, piece) pairs at a time.
 
 p, n are (m, 3) arrays of pairs: probe points and unit normals, mm; k (m,) the pieces. `layers` and a grid are told in
 `sim.probe_fast`; a test holds both to the same figures.
@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sim import blunt
+from sim.blunt import Edge
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -24,7 +27,7 @@ def heights(
     layers: Layers,
     starts: Ints,
     grid: Grid,
-    radius: float,
+    edge: Edge,
     reach: float,
     margin: float,
     out: Floats,
@@ -34,7 +37,7 @@ def heights(
     """Height along every normal at which the cutter's way begins (inf beyond `reach`), the piece that cut, its s."""
     for begin in range(0, len(points), _CHUNK):
         part = slice(begin, begin + _CHUNK)
-        block = _Block(points[part], normals[part], layers, starts, grid, radius, reach, margin)
+        block = _Block(points[part], normals[part], layers, starts, grid, edge, reach, margin)
         block.search()
         out[part] = np.where(block.owner >= 0, block.best, np.inf)
         owners[part], places[part] = block.owner, block.where
@@ -50,12 +53,12 @@ class _Block:
         layers: Layers,
         starts: Ints,
         grid: Grid,
-        radius: float,
+        edge: Edge,
         reach: float,
         margin: float,
     ) -> None:
         self.p, self.n, self.layers, self.starts, self.grid = points, normals, layers, starts, grid
-        self.radius, self.margin = radius, margin
+        self.edge, self.radius, self.margin = edge, edge[0] + edge[1], margin
         self.best = np.full(len(points), reach)
         self.owner = np.full(len(points), -1, dtype=np.int64)
         self.where = np.zeros(len(points))
@@ -94,9 +97,9 @@ class _Block:
         near = self._may_matter(probe, k, at, chords)
         probe, k = probe[near], k[near]
         p, n = self.p[probe], self.n[probe]
-        entry, s = _piece_entry(p, n, pieces, chords, k, self.radius, self.best[probe])
+        entry, s = _piece_entry(p, n, pieces, chords, k, self.edge, self.best[probe])
         counts = (entry < self.best[probe]) & np.isfinite(entry)
-        counts[counts] = (entry[counts] > 0) | _contains(p[counts], pieces, chords, k[counts], s[counts], self.radius)
+        counts[counts] = (entry[counts] > 0) | _contains(p[counts], pieces, chords, k[counts], s[counts], self.edge)
         self._keep(probe[counts], entry[counts], k[counts], s[counts])
 
     def _inward(self, active: Ints) -> None:
@@ -106,9 +109,9 @@ class _Block:
         probe, k, _ = self._pieces_of(probe, strand, np.zeros(len(probe)))
         p, n = self.p[probe], self.n[probe]
         x = p + self.best[probe][:, None] * n
-        entry, s = _piece_entry(p, n, pieces, chords, k, self.radius, self.best[probe])
+        entry, s = _piece_entry(p, n, pieces, chords, k, self.edge, self.best[probe])
         counts = entry < self.best[probe]
-        counts[counts] = _contains(x[counts], pieces, chords, k[counts], s[counts], self.radius)
+        counts[counts] = _contains(x[counts], pieces, chords, k[counts], s[counts], self.edge)
         self._keep(probe[counts], entry[counts], k[counts], s[counts])
 
     def _keep(self, probe: Ints, entry: Floats, k: Ints, s: Floats) -> None:
@@ -215,9 +218,14 @@ def _lowest(
 
 
 def _piece_entry(
-    p: Floats, n: Floats, c: Floats, chords: Floats, k: Ints, radius: float, best: Floats
+    p: Floats, n: Floats, c: Floats, chords: Floats, k: Ints, edge: Edge, best: Floats
 ) -> tuple[Floats, Floats]:
-    """(entry, s) of the lines into the cutter swept along the pieces, ball and shank; inf where they miss."""
+    """(entry, s) of the lines into the cutter swept along the pieces, end and shank; inf where they miss."""
+    if edge[1] > 0.0:
+        pairs = [blunt.entry(tuple(a), tuple(b), c, each, edge) for a, b, each in zip(p, n, k, strict=True)]
+        both = np.array(pairs).reshape(-1, 2)
+        return both[:, 0], both[:, 1]
+    radius = edge[0]
     space = np.ones(3)
     grown = radius + chords[k, 6]
     start = _start(p, n, chords, k, grown, space)
@@ -244,8 +252,11 @@ def _shank_entry(p: Floats, n: Floats, c: Floats, chords: Floats, k: Ints, radiu
     return np.where(hits, entry, np.inf), s
 
 
-def _contains(p: Floats, c: Floats, chords: Floats, k: Ints, s: Floats, radius: float) -> NDArray[np.bool_]:
+def _contains(p: Floats, c: Floats, chords: Floats, k: Ints, s: Floats, edge: Edge) -> NDArray[np.bool_]:
     """Whether points are in the cutter swept along the pieces: in the ball at s, else in the sweep of the chord."""
+    if edge[1] > 0.0:
+        return np.array([blunt.contains(tuple(a), c, each, edge) for a, each in zip(p, k, strict=True)], dtype=bool)
+    radius = edge[0]
     q = _at(c, k, s) - p
     in_ball = _dot(q, q) <= radius * radius * (1.0 + 1e-12)
     return np.asarray(in_ball | (_gap2(p, chords, k) <= radius * radius))

@@ -108,7 +108,8 @@ class Refiner:
         self, low: Floats, high: Floats, at_low: Floats, at_high: Floats, slope_low: Floats, slope_high: Floats
     ) -> Floats:
         """Where the peak must be: two cuts of the ball's bend meet in a cusp, else the slope falls evenly to zero."""
-        bend, length = self.sign / self.probes.tool.corner_mm, high - low
+        tool, length = self.probes.tool, high - low
+        bend = self.sign / (tool.corner_mm + tool.flat_mm)
         with np.errstate(divide="ignore", invalid="ignore"):
             cusp = (at_low - at_high + slope_high * length - bend * length**2 / 2) / (
                 slope_high - slope_low - bend * length
@@ -122,7 +123,8 @@ class Refiner:
         frames = self.patch.frames(uv)
         found = self.probes.measure(frames.points, frames.normals)
         with np.errstate(invalid="ignore"):
-            spoke = frames.points + found.height_mm[:, None] * frames.normals - self.probes.centres(found)
+            cut = frames.points + found.height_mm[:, None] * frames.normals
+            spoke = self.probes.spokes(found, cut)
             toward = across[:, :1] * frames.along_u + across[:, 1:] * frames.along_v
             slope = -np.einsum("ij,ij->i", spoke, toward) / np.einsum("ij,ij->i", spoke, frames.normals)
         return self.sign * found.height_mm, np.asarray(self.sign * slope)

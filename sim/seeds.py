@@ -1,7 +1,7 @@
 """Where the highest scallops and the deepest gouges may be, so that few places need an exact search.
 
 Scallops: between two neighbouring probes cut by different passes the two cuts meet in a cusp, estimated by a parabola
-from each side. Gouges: the ball's foot on the design, estimated for the middle and the ends of every piece of the way.
+from each side. Gouges: the cutter's foot on the design, estimated for begin and middle of every piece of the way.
 Estimates only choose places; every figure that is reported is measured there anew.
 """
 
@@ -31,20 +31,22 @@ class Seeds:
 def cusp_seeds(net: Net, found: Heights, probes: Probes, is_counted: Flags, limit: int) -> Seeds:
     """The most promising summits of material left: probes no neighbour exceeds, and cusps between neighbours.
 
-    `is_counted` (n, m) leaves out probes that no ball can touch; at most `limit` seeds, highest first.
+    `is_counted` (n, m) leaves out probes that the cutter cannot touch; at most `limit` seeds, highest first.
     """
     n, m = net.area_mm2.shape
+    radius_mm = probes.tool.corner_mm + probes.tool.flat_mm
     heights = found.height_mm.reshape(n, m)
     usable = is_counted & np.isfinite(heights)
     i, j = np.nonzero(_summits(np.where(is_counted, heights, -np.inf)) & usable)
     uv, expected, cells = [_uv(net, i, j, i, j, 0.0)], [heights[i, j]], [_block(i, j)]
     piece = found.piece.reshape(n, m)
+    spokes = probes.spokes(found, _cut(net, found)).reshape(n, m, 3)
     centres = probes.centres(found).reshape(n, m, 3)
     ways = probes.chords[found.piece, 3:6].reshape(n, m, 3)
     for down, right in ((1, 0), (0, 1)):
         is_other = np.abs(piece[: n - down, : m - right] - piece[down:, right:]) > 1
         a, b = np.nonzero(is_other & usable[: n - down, : m - right] & usable[down:, right:])
-        share, height = _cusps(net, heights, centres, ways, (a, b), (a + down, b + right), probes.tool.corner_mm)
+        share, height = _cusps(net, heights, spokes, centres, ways, (a, b), (a + down, b + right), radius_mm)
         at = np.flatnonzero(np.isfinite(height))
         a, b = a[at], b[at]
         uv.append(_uv(net, a, b, a + down, b + right, share[at]))
@@ -54,7 +56,7 @@ def cusp_seeds(net: Net, found: Heights, probes: Probes, is_counted: Flags, limi
 
 
 def pit_seeds(net: Net, found: Heights, probes: Probes, limit: int) -> Seeds:
-    """The most promising gouges: probes no neighbour undercuts, and feet of the ball all along the way."""
+    """The most promising gouges: probes no neighbour undercuts, and feet of the cutter all along the way."""
     n, m = net.area_mm2.shape
     heights = found.height_mm.reshape(n, m)
     i, j = np.nonzero(_summits(-heights) & (heights < 0))
@@ -65,7 +67,7 @@ def pit_seeds(net: Net, found: Heights, probes: Probes, limit: int) -> Seeds:
         ways = np.einsum("sk,nkx->nsx", powers, pieces).reshape(-1, 3)
         near = np.repeat(_probe_near(found.piece, len(pieces)), 2)
         i, j = np.divmod(near, m)
-        feet, gap = _feet(net, near, ways)
+        feet, gap = _feet(net, near, _core(net, near, ways, probes.tool.flat_mm))
         uv.append(feet)
         expected.append(probes.tool.corner_mm - gap)
         cells.append(_block(i, j))
@@ -86,6 +88,7 @@ def _probe_near(owner: Ints, count: int) -> Ints:
 def _cusps(
     net: Net,
     heights: Floats,
+    spokes: Floats,
     centres: Floats,
     ways: Floats,
     one: tuple[Ints, Ints],
@@ -96,7 +99,7 @@ def _cusps(
     step = net.points[two] - net.points[one]
     length = np.linalg.norm(step, axis=1)
     toward = step / length[:, None]
-    slope_one, slope_two = (_slope(net, heights, centres, at, toward) for at in (one, two))
+    slope_one, slope_two = (_slope(net, spokes, at, toward) for at in (one, two))
     bend = 1.0 / radius
     with np.errstate(divide="ignore", invalid="ignore"):
         at = heights[one] - heights[two] + slope_two * length - bend * length**2 / 2
@@ -108,12 +111,27 @@ def _cusps(
     return at / length, np.where(is_peak, height, -np.inf)
 
 
-def _slope(net: Net, heights: Floats, centres: Floats, at: tuple[Ints, Ints], toward: Floats) -> Floats:
-    """Rise of the cut surface over the design at a probe, in the direction `toward`, from the ball that cut there."""
-    spoke = net.points[at] + heights[at][:, None] * net.normals[at] - centres[at]
+def _cut(net: Net, found: Heights) -> Floats:
+    """Where the material ends over every probe, (n m, 3)."""
+    with np.errstate(invalid="ignore"):
+        raised = found.height_mm[:, None] * net.normals.reshape(-1, 3)
+    return np.asarray(net.points.reshape(-1, 3) + raised)
+
+
+def _slope(net: Net, spokes: Floats, at: tuple[Ints, Ints], toward: Floats) -> Floats:
+    """Rise of the cut surface over the design at a probe, in the direction `toward`, from the cutter's skin there."""
+    spoke = spokes[at]
     facing = np.einsum("ij,ij->i", spoke, net.normals[at])
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(-np.einsum("ij,ij->i", spoke, toward) / facing)
+
+
+def _core(net: Net, near: Ints, ways: Floats, flat_mm: float) -> Floats:
+    """Places of the way moved to that point of the flat end's rim which faces the design near a probe."""
+    normals = net.normals.reshape(-1, 3)[near]
+    level = np.hypot(normals[:, 0], normals[:, 1])
+    share = np.where(level > 1e-9, flat_mm / np.where(level > 1e-9, level, 1.0), 0.0)
+    return ways - share[:, None] * normals * (1.0, 1.0, 0.0)
 
 
 def _feet(net: Net, near: Ints, ways: Floats) -> tuple[Floats, Floats]:

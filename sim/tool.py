@@ -45,8 +45,21 @@ class BallTool:
         return 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class BluntTool:
+    """Bull-nose or flat end mill: a flat end of radius `flat_mm` inside a rounded edge of `corner_mm` (0: sharp)."""
+
+    corner_mm: float
+    flat_mm: float
+
+
 def tool_of(cutter: CutterData) -> Tool:
-    """The cutter of a job; raises InputRejected for a kind that cannot be measured yet."""
-    if cutter.kind != "ball":
-        raise InputRejected(f"a {cutter.kind} cutter is not measured yet", remedy="measure with a ball-end mill")
-    return BallTool(cutter.radius_mm)
+    """The cutter of a job; raises InputRejected for a corner radius that its diameter cannot have."""
+    if cutter.kind == "ball":
+        return BallTool(cutter.radius_mm)
+    if cutter.kind == "bull" and not 0 < cutter.corner_mm < cutter.radius_mm:
+        raise InputRejected(
+            f"a bull-nose cutter of radius {cutter.radius_mm:g} mm with corner_radius_mm = {cutter.corner_mm:g}",
+            remedy="give a corner radius above 0 and below half the diameter",
+        )
+    return BluntTool(cutter.corner_mm, cutter.radius_mm - cutter.corner_mm)

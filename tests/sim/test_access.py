@@ -5,12 +5,13 @@ import pytest
 
 from sim.access import accessible
 from sim.grid import net_of
+from sim.tool import BallTool, BluntTool, Tool
 from tests.sim.surfaces import bilinear, cylinder, plane
 
 
 def share(patches, radius_mm=4.0, pitch_mm=0.25):
     nets = [net_of(patch, pitch_mm) for patch in patches]
-    return [flags.mean() for flags in accessible(nets, radius_mm, 1e-6)]
+    return [flags.mean() for flags in accessible(nets, BallTool(radius_mm), 1e-6)]
 
 
 def test_a_plane_is_open_everywhere() -> None:
@@ -29,7 +30,7 @@ def test_in_a_crease_the_ball_stays_out_of_the_corner() -> None:
     left = bilinear(np.array([[[-12.0, y, 12.0], [0.0, y, 0.0]] for y in (0.0, 8.0)]))
     right = bilinear(np.array([[[0.0, y, 0.0], [12.0, y, 12.0]] for y in (0.0, 8.0)]))
     nets = [net_of(patch, 0.1) for patch in (left, right)]
-    for net, is_free in zip(nets, accessible(nets, 4.0, 1e-6), strict=True):
+    for net, is_free in zip(nets, accessible(nets, BallTool(4.0), 1e-6), strict=True):
         away = np.hypot(net.points[..., 0], net.points[..., 2])
         limit = 4.0 * math.tan(math.pi / 4)
         assert is_free[away > limit + 0.1].all()
@@ -42,6 +43,25 @@ def test_beside_a_wall_the_shank_stays_clear() -> None:
     ground = bilinear(np.array([[[x, y, 0.0] for y in (0.0, 8.0)] for x in (-15.0, 0.0)]))
     wall = bilinear(np.array([[[x, y, slope * x] for y in (0.0, 8.0)] for x in (0.0, 3.0)]))
     nets = [net_of(patch, 0.1) for patch in (ground, wall)]
-    floor, _ = accessible(nets, 4.0, 1e-6)
+    floor, _ = accessible(nets, BallTool(4.0), 1e-6)
     nearest = -nets[0].points[..., 0][floor].max()
     assert nearest == pytest.approx(4.0 * math.tan(math.radians(40.0)), abs=0.11)
+
+
+@pytest.mark.parametrize("tool", [BluntTool(1.0, 3.0), BluntTool(0.0, 4.0)])
+def test_a_flat_end_stays_a_corner_away_from_a_wall(tool: Tool) -> None:
+    """(3.3) Level ground beside a wall of 45 degrees: the corner's radius decides how near a flat end cuts."""
+    ground = bilinear(np.array([[[x, y, 0.0] for y in (0.0, 20.0)] for x in (-15.0, 0.0)]))
+    wall = bilinear(np.array([[[x, y, x] for y in (0.0, 20.0)] for x in (0.0, 6.0)]))
+    nets = [net_of(patch, 0.1) for patch in (ground, wall)]
+    floor, slope = accessible(nets, tool, 1e-6)
+    assert -nets[0].points[..., 0][floor].max() == pytest.approx(tool.corner_mm * math.tan(math.pi / 8), abs=0.11)
+    lowest = nets[1].points[..., 0][slope].min()
+    assert lowest == pytest.approx(tool.corner_mm * (1 - math.cos(math.pi / 4)), abs=0.11)
+
+
+def test_a_flat_end_cannot_finish_a_bowl() -> None:
+    """(3.3) In a groove that a ball finishes everywhere a flat end touches the lips alone."""
+    nets = [net_of(cylinder(4.1, half_angle_rad=1.0, length_mm=20.0, is_concave=True), 0.5)]
+    assert not accessible(nets, BluntTool(0.0, 4.0), 1e-6)[0][:, 1:-1].any()
+    assert accessible(nets, BallTool(4.0), 1e-6)[0].mean() == 1.0

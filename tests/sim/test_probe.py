@@ -7,7 +7,7 @@ import pytest
 from sim.interpreter.canon import Arc, Line, Motion, Polynomial, Rapid
 from sim.probe import probes_of
 from sim.sweep import sweep_of
-from sim.tool import BallTool
+from sim.tool import BallTool, BluntTool, Tool
 
 R = 4.0
 
@@ -58,11 +58,12 @@ def sampled(motion: Motion, count: int) -> np.ndarray:
     return start + s * (end - start)
 
 
-def clearance(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """Distance of each point to the nearest axis (half-line up from a centre), less the radius."""
+def clearance(points: np.ndarray, centres: np.ndarray, tool: Tool) -> np.ndarray:
+    """Distance of each point to the nearest cutter standing at a centre; inside it at most 0."""
     apart = points[:, None] - centres
-    apart[..., 2] = np.minimum(apart[..., 2], 0.0)
-    return np.linalg.norm(apart, axis=-1).min(axis=1) - R
+    out = np.hypot(apart[..., 0], apart[..., 1]) - tool.flat_mm
+    beside = np.hypot(np.maximum(out, 0.0), np.maximum(-apart[..., 2], 0.0))
+    return np.where(beside > 0, beside, np.maximum(out, -apart[..., 2])).min(axis=1) - tool.corner_mm
 
 
 def rays(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -71,12 +72,16 @@ def rays(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
     return points, normals / np.linalg.norm(normals, axis=1)[:, None]
 
 
-@pytest.mark.parametrize("seed", range(50))
-def test_brute_force_agrees(seed: int) -> None:
+BLUNT = [BluntTool(1.5, 2.5), BluntTool(0.0, R)]
+CASES = [(seed, BallTool(R)) for seed in range(50)] + [(seed, tool) for seed in range(20) for tool in BLUNT]
+
+
+@pytest.mark.parametrize(("seed", "tool"), CASES, ids=str)
+def test_brute_force_agrees(seed: int, tool: Tool) -> None:
     """(3.2) Below the height found there is material all the way, above it none, by dense sampling of the motions."""
     rng = np.random.default_rng(seed)
     motions = random_motions(rng, 4)
-    probes = probes_of(sweep_of(motions, 0.0, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7), BallTool(R), reach_mm=1.0)
+    probes = probes_of(sweep_of(motions, 0.0, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7), tool, reach_mm=1.0)
     points, normals = rays(rng, 6)
     found = probes.measure(points, normals).height_mm
     centres = np.concatenate([sampled(motion, 1500) for motion in motions])
@@ -84,11 +89,26 @@ def test_brute_force_agrees(seed: int) -> None:
     for point, normal, height in zip(points, normals, found, strict=True):
         reached = min(height, 1.0)
         between = np.linspace(min(reached, 0.0), max(reached, 0.0), 60)[1:-1]
-        gaps = clearance(point + between[:, None] * normal, centres)
+        gaps = clearance(point + between[:, None] * normal, centres, tool)
         assert (gaps > -slack).all() if height > 0 else (gaps < slack).all()
         if np.isfinite(height):
-            assert abs(clearance((point + height * normal)[None], centres)[0]) < slack
-            assert clearance((point + (height - 1e-4) * normal)[None], centres)[0] > -slack
+            assert abs(clearance((point + height * normal)[None], centres, tool)[0]) < slack
+            assert clearance((point + (height - 1e-4) * normal)[None], centres, tool)[0] > -slack
+
+
+@pytest.mark.parametrize("tool", BLUNT, ids=["bull", "flat"])
+def test_uncompiled_gives_the_compiled_figures(tool: Tool) -> None:
+    """(3.4) Without numba the same heights under a flat end."""
+    pytest.importorskip("numba")
+    rng = np.random.default_rng(7)
+    sweep = sweep_of(random_motions(rng, 4), 0.0, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7)
+    fast = probes_of(sweep, tool, reach_mm=1.0)
+    points, normals = rays(rng, 8)
+    one, two = (
+        each.measure(points, normals).height_mm for each in (fast, dataclasses.replace(fast, is_compiled=False))
+    )
+    np.testing.assert_allclose(one, two, atol=1e-9)
+    assert np.isfinite(one).any()
 
 
 @pytest.mark.parametrize("seed", range(12))
