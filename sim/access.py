@@ -143,7 +143,7 @@ def _is_clear(centres: Floats, tree: cKDTree, design: Floats, tool: Tool, depth_
     is_clear = np.ones(len(centres), dtype=bool)
     for begin in range(0, len(centres), 5000):
         part = centres[begin : begin + 5000]
-        lists: list[list[int]] = list(tree.query_ball_point(part[:, :2], tool.corner_mm + tool.flat_mm, workers=-1))
+        lists = np.asarray(tree.query_ball_point(part[:, :2], tool.corner_mm + tool.flat_mm, workers=-1), dtype=object)
         counts = np.fromiter(map(len, lists), dtype=np.int64, count=len(part))
         which = np.repeat(np.arange(len(part)), counts)
         if not len(which):
