@@ -63,6 +63,9 @@ def _draw_map(figure: Any, axes: Any, verdict: Verdict) -> None:
         shades = axes.pcolormesh(
             x, y, np.ma.masked_invalid(deviation_um), cmap="RdBu_r", vmin=-limit_um, vmax=limit_um, shading="gouraud"
         )
+        if not mapped.is_accessible.all():
+            beyond = np.ma.masked_where(mapped.is_accessible[:-1, :-1], np.ones(np.subtract(x.shape, 1)))
+            axes.pcolormesh(x, y, beyond, cmap="Wistia", vmin=1, vmax=3)
         shades.set_in_layout(False)  # measuring a mesh of so many cells for the layout takes longer than drawing it
     figure.colorbar(shades, ax=axes, label="deviation in µm: + material left, - gouge", shrink=0.8)
     for places, mark in ((verdict.scallops[:1], "^"), (verdict.gouges[:1], "v")):
@@ -72,6 +75,7 @@ def _draw_map(figure: Any, axes: Any, verdict: Verdict) -> None:
     axes.set_title(
         f"scallop {verdict.scallop_mm * 1000:.2f} µm (triangle up), gouge {verdict.gouge_mm * 1000:.2f} µm (down)\n"
         f"covered {verdict.coverage * 100:.2f} %; grey: not reached"
+        + (f"; yellow: this cutter cannot, {verdict.inaccessible * 100:.2f} %" if verdict.inaccessible > 0 else "")
     )
 
 

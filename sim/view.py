@@ -57,6 +57,7 @@ def _net(mapped: PatchMap, motions: Sequence[Motion], stride: int) -> dict[str, 
         "y": _packed(points[..., 1], "<f4"),
         "deviation_um": _packed(1000 * mapped.height_mm[::stride, ::stride], "<f4"),
         "line": _packed(lines[owner], "<i4"),
+        "is_accessible": _packed(mapped.is_accessible[::stride, ::stride], "u1"),
     }
 
 

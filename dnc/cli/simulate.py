@@ -187,6 +187,11 @@ def _text(made: dict[str, Any]) -> str:
             f"gouge      {made['gouge_mm'] * 1000:9.3f} um{_where(made['worst_gouges'])}",
             f"coverage   {made['coverage'] * 100:9.3f} %  of the surface, {made['probes']} probes",
         ]
+        if made["inaccessible"] > 0:
+            share = made["inaccessible"] * 100
+            lines.append(
+                f"apart      {share:9.3f} %  of the surface, which this cutter cannot touch without cutting elsewhere"
+            )
     return "\n".join(lines)
 
 

@@ -4,6 +4,7 @@ import struct
 import sys
 from pathlib import Path
 
+import matplotlib.image
 import numpy as np
 import pytest
 
@@ -16,7 +17,7 @@ from sim.section import section_at
 from sim.stock import stock_after
 from sim.tool import BallTool
 from sim.view import page_of, write_page
-from tests.sim.surfaces import nominal_of, plane
+from tests.sim.surfaces import bilinear, nominal_of, plane
 
 R = 4.0
 CHROMIUM = Path("/usr/bin/chromium")
@@ -97,6 +98,58 @@ def test_page_cannot_be_broken_by_the_program(verdict: Verdict) -> None:
     page = page_of(verdict, motions(), program, "t", nodes=1000, pieces=1000)
     assert "</script><script>alert" not in page
     assert "http" not in page
+
+
+@pytest.fixture(scope="module")
+def groove() -> Verdict:
+    """A V of two planes: no ball touches nearer than R to its crease."""
+    sides = (((-12.0, 12.0), (0.0, 0.0)), ((0.0, 0.0), (12.0, 12.0)))
+    patches = [bilinear(np.array([[[x, y, z] for y in (0.0, 8.0)] for x, z in side])) for side in sides]
+    high = R * math.sqrt(2.0)
+    made = [Line(1, 1, (0.0, -5.0, high), (0.0, 13.0, high), 250.0)]
+    return judge(nominal_of(*patches), BallTool(R), made, reference="centre", probe_pitch_mm=0.25, reach_mm=2.0)
+
+
+def test_what_no_ball_can_touch_stands_apart(groove: Verdict, tmp_path: Path) -> None:
+    """(3.3) The crease is no scallop; CSV and picture tell it from ground that the program left out."""
+    assert groove.scallop_mm < 1e-6
+    assert groove.inaccessible == pytest.approx(R / (12.0 * math.sqrt(2.0)), abs=0.02)
+    write_map(groove, tmp_path / "map.csv")
+    rows = list(csv.DictReader((tmp_path / "map.csv").read_text().splitlines()))
+    crease = [row for row in rows if abs(float(row["x_mm"])) < 2.5]
+    assert {row["is_accessible"] for row in crease} == {"0"}
+    plot_deviation(groove, tmp_path / "cut.png")
+    image = matplotlib.image.imread(tmp_path / "cut.png")
+    yellow = (image[..., 0] > 0.85) & (image[..., 1] > 0.85) & (image[..., 2] < 0.6)
+    assert yellow.mean() > 0.01
+
+
+@pytest.mark.debian
+@pytest.mark.skipif(not CHROMIUM.exists(), reason="needs the Debian package chromium")
+def test_page_says_where_no_ball_can_touch(groove: Verdict, tmp_path: Path) -> None:
+    """(3.3) In Chromium the crease has a colour and a word of its own."""
+    from playwright.sync_api import sync_playwright
+
+    path = tmp_path / "cut.html"
+    write_page(page_of(groove, motions(), b"N1 G1", "groove", nodes=5000, pieces=1000), path)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox", "--disable-gpu"])
+        page = browser.new_page(viewport={"width": 1100, "height": 700})
+        page.goto(path.as_uri())
+        page.wait_for_selector("body[data-ready=yes]")
+        said = []
+        for place in ("0.5, 4", "9, 4"):
+            x, y = page.evaluate(
+                f"(() => {{ const b = canvas.getBoundingClientRect(), p = toScreen({place});"
+                " return [b.left + p[0], b.top + p[1]]; })()"
+            )
+            page.mouse.move(x, y)
+            said.append(page.inner_text("#status"))
+        is_told = page.is_visible("#apart")
+        browser.close()
+    assert is_told
+    assert "cannot touch here" in said[0]
+    assert "cannot touch here" not in said[1]
 
 
 @pytest.mark.debian
