@@ -1,6 +1,7 @@
-"""The table of docs/dialects.md: every word, whether it is acted on, accepted or refused, and how.
+"""The table of docs/dialects.md: every word, whether it is acted on, accepted or refused, and how; and that of
+sim/MODEL.md: the words without effect.
 
-`python -m sim.interpreter.word_table` prints it; a test holds the page to it.
+`python -m sim.interpreter.word_table` prints both; a test holds the pages to them.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ STATEMENTS = (
     "IF ELSE ENDIF GOTOF GOTOB GOTO GOTOC CASE OF DEFAULT FOR TO ENDFOR WHILE ENDWHILE LOOP ENDLOOP REPEAT REPEATB "
     "UNTIL DEF PROC EXTERN RET"
 )
+_NO_EFFECT = "accepted without effect"
 _TESTS: dict[ModalGroup, str] = {
     ModalGroup.MOTION: "canon/arcs, canon/splines, test_splines",
     ModalGroup.ONE_SHOT: "canon/feeds, test_words",
@@ -55,18 +57,18 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
         name = group.name.lower().replace("_", " ")
         if acted:
             yield _together(acted), "acted on", f"group {group.value}, {name}", _TESTS.get(group, "test_vocabulary")
-        for listed, fate in ((IGNORED_CODES, "accepted without effect"), (REFUSED_CODES, "alarm")):
+        for listed, fate in ((IGNORED_CODES, _NO_EFFECT), (REFUSED_CODES, "alarm")):
             for reason in dict.fromkeys(listed[code] for code in members if code in listed):
                 words = [code for code in members if listed.get(code) == reason]
                 yield _together(words), fate, reason, "test_vocabulary"
     yield _together([f"M{number}" for number in sorted(ACTED_M)]), "acted on", "", "canon/modes, test_run"
     for reason in dict.fromkeys(IGNORED_M.values()):
         words = [f"M{number}" for number, its in IGNORED_M.items() if its == reason]
-        yield _together(words), "accepted without effect", reason, "test_vocabulary"
+        yield _together(words), _NO_EFFECT, reason, "test_vocabulary"
     yield "other M", "alarm", "unless the settings accept it", "test_vocabulary"
     yield _together(sorted(ACTED_ADDRESSES, key=lambda one: (len(one), one))), "acted on", "addresses, calls", "canon/*"
     for word, reason in IGNORED_ADDRESSES.items():
-        yield word, "accepted without effect", reason, "test_vocabulary"
+        yield word, _NO_EFFECT, reason, "test_vocabulary"
     yield _together(STATEMENTS.split()), "acted on", "every loop bounded; drip-fed, going back is an alarm", "test_flow"
     yield _together(sorted(FUNCTIONS)), "acted on", "functions, angles in degrees", "test_flow"
     yield _together(list(SYSTEM_VARIABLES)), "acted on", "system variables, read only", "test_flow"
@@ -79,6 +81,12 @@ def table() -> str:
     return head + "".join(f"| {' | '.join(row)} |\n" for row in rows())
 
 
+def table_without_effect() -> str:
+    """The words that are accepted without effect, and why they have none here, as Markdown."""
+    found = dict.fromkeys((words, why) for words, fate, why, _ in rows() if fate == _NO_EFFECT)
+    return "| word | why it has no effect |\n|---|---|\n" + "".join(f"| {words} | {why} |\n" for words, why in found)
+
+
 def _together(words: list[str]) -> str:
     """Words with blanks; a long run of numbered ones by its ends."""
     if len(words) > 40:
@@ -87,4 +95,4 @@ def _together(words: list[str]) -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(table())
+    sys.stdout.write(f"{table()}\n{table_without_effect()}")

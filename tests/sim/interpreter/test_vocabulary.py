@@ -20,7 +20,7 @@ from sim.interpreter.vocabulary import (
     IGNORED_M,
     REFUSED_CODES,
 )
-from sim.interpreter.word_table import table
+from sim.interpreter.word_table import table, table_without_effect
 
 ROOT = Path(__file__).parents[3]
 CONTROL = Settings(start_mm=(0.0, 0.0, 0.0), tools={1: Tool(1.0)})
@@ -167,6 +167,10 @@ def test_what_a_block_does_not_use_is_an_alarm() -> None:
         assert found[-1].number == 12110, text
 
 
-def test_the_page_shows_the_lists() -> None:
-    """(6.5) docs/dialects.md, section Words; `python -m sim.interpreter.word_table` prints it."""
+def test_the_pages_show_the_lists() -> None:
+    """(6.5) docs/dialects.md and sim/MODEL.md; `python -m sim.interpreter.word_table` prints both."""
     assert table() in (ROOT / "docs/dialects.md").read_text()
+    shown = table_without_effect()
+    assert (ROOT / "sim/MODEL.md").read_text().endswith(f"\n\n{shown}")
+    words = {word for row in shown.splitlines()[2:] for word in row.split(" | ")[0].split()}
+    assert words - {"|"} == {*IGNORED_CODES, *IGNORED_ADDRESSES, *(f"M{number}" for number in IGNORED_M)}
