@@ -34,7 +34,7 @@ KINDS: dict[str, tuple[Path, Callable[[Path], object]]] = {
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-@settings(max_examples=330, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=340, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_mutated_file_is_accepted_or_refused_in_one_sentence(kind: str, tmp_path: Path, data: st.DataObject) -> None:
     original, load = KINDS[kind]
