@@ -94,7 +94,7 @@ def _stand(q: Vector, n: Vector, edge: Edge) -> Stand:
     outer = corner + flat
     side, floor, last = _bounds(q, n, outer, corner)
     h = max(side, floor)
-    if h > last:
+    if last == -math.inf or h > last:
         return _nearest(q, n, flat)
     x, y, z = q[0] + h * n[0], q[1] + h * n[1], q[2] + h * n[2]
     if floor >= side and (corner == 0.0 or x * x + y * y <= flat * flat):

@@ -124,6 +124,9 @@ def _piece_entry(
 ) -> tuple[float, float]:
     """(entry, s) of the line into the cutter swept along one piece, end and shank; inf where it misses."""
     if edge[1] > 0.0:
+        lowest = chords[k, 2] + min(0.0, chords[k, 5]) - chords[k, 6] - edge[0]
+        if n[2] > 0.0 and lowest - p[2] >= best * n[2]:
+            return math.inf, 0.0  # nothing of the cutter is as low as the line at `best`
         return blunt_entry(p, n, c, k, edge)
     radius = edge[0]
     start = _start(p, n, chords, k, radius + chords[k, 6], 1.0)

@@ -81,11 +81,14 @@ def test_brute_force_agrees(seed: int, tool: Tool) -> None:
     """(3.2) Below the height found there is material all the way, above it none, by dense sampling of the motions."""
     rng = np.random.default_rng(seed)
     motions = random_motions(rng, 4)
-    probes = probes_of(sweep_of(motions, 0.0, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7), tool, reach_mm=1.0)
+    probes = probes_of(
+        sweep_of(motions, tool.corner_mm - R, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7), tool, reach_mm=1.0
+    )
     points, normals = rays(rng, 6)
     found = probes.measure(points, normals).height_mm
     centres = np.concatenate([sampled(motion, 1500) for motion in motions])
-    slack = 1e-5
+    centres = centres + np.array([0.0, 0.0, tool.corner_mm - R])
+    slack = 1e-5 if tool.flat_mm == 0 else 2e-3  # the samples stand 5e-3 mm apart
     for point, normal, height in zip(points, normals, found, strict=True):
         reached = min(height, 1.0)
         between = np.linspace(min(reached, 0.0), max(reached, 0.0), 60)[1:-1]
@@ -93,7 +96,7 @@ def test_brute_force_agrees(seed: int, tool: Tool) -> None:
         assert (gaps > -slack).all() if height > 0 else (gaps < slack).all()
         if np.isfinite(height):
             assert abs(clearance((point + height * normal)[None], centres, tool)[0]) < slack
-            assert clearance((point + (height - 1e-4) * normal)[None], centres, tool)[0] > -slack
+            assert clearance((point + (height - 10 * slack) * normal)[None], centres, tool)[0] > -slack
 
 
 @pytest.mark.parametrize("tool", BLUNT, ids=["bull", "flat"])
@@ -101,9 +104,9 @@ def test_uncompiled_gives_the_compiled_figures(tool: Tool) -> None:
     """(3.4) Without numba the same heights under a flat end."""
     pytest.importorskip("numba")
     rng = np.random.default_rng(7)
-    sweep = sweep_of(random_motions(rng, 4), 0.0, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7)
+    sweep = sweep_of(random_motions(rng, 12), tool.corner_mm - R, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7)
     fast = probes_of(sweep, tool, reach_mm=1.0)
-    points, normals = rays(rng, 8)
+    points, normals = rays(rng, 40)
     one, two = (
         each.measure(points, normals).height_mm for each in (fast, dataclasses.replace(fast, is_compiled=False))
     )
