@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -38,6 +39,10 @@ def test_an_output_that_would_cost_another_file_is_refused(
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
-def test_a_device_is_not_replaced_by_a_file() -> None:
-    with pytest.raises(InputRejected, match="/dev/null: is not a regular file"):
-        write_file(Path("/dev/null"), b"M30")
+def test_what_is_no_file_is_not_replaced_by_one(tmp_path: Path) -> None:
+    """A pipe stands for the devices, which a test that fails must not cost the machine."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(InputRejected, match="pipe: is not a regular file"):
+        write_file(pipe, b"M30")
+    assert pipe.is_fifo()
