@@ -78,8 +78,9 @@ def plan_job(
     layout, tool_path = _laid(job, operation, patches[0], job_path)
     written = write_program(job, operation, tool_path, control, lift_mm=lift_mm)
     planning_s = time.perf_counter() - begin
-    figures = {"rapid_mm_min": rapid_mm_min, "planning_time_s": planning_s}
-    report = plan_report(job, operation, tool_path, layout, written, line=line, **figures)
+    report = plan_report(
+        job, operation, tool_path, layout, written, line=line, rapid_mm_min=rapid_mm_min, planning_time_s=planning_s
+    )
     if time_of is not None:
         report["machining_time_s"] = time_of(written.data)
     if with_rivals:

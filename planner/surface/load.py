@@ -75,10 +75,8 @@ def _patch(
         raise InputRejected(what, path=path, line=line, remedy="give every row the same number of points")
     for i, row in enumerate(rows):
         if any(abs(value) > MAX_COORDINATE_MM for point in row for value in point):
-            what, line = (
-                f"{name}: a coordinate is beyond {MAX_COORDINATE_MM:g} mm",
-                lines.get((*at, "control_points", i)),
-            )
+            line = lines.get((*at, "control_points", i))
+            what = f"{name}: a coordinate is beyond {MAX_COORDINATE_MM:g} mm"
             raise InputRejected(what, path=path, line=line, remedy="give millimetres")
     shape = (len(rows), len(rows[0]))
     if shape[0] * shape[1] > MAX_CONTROL_POINTS:
