@@ -20,20 +20,25 @@ def lengths_between(run_mm: Array, tangents: tuple[Array, Array], curvatures: tu
     return np.asarray(run_mm / 2 * (speed[0] + speed[1]) + run_mm**2 / 12 * (change[0] - change[1]))
 
 
+def quintic_coefficients(left: Array, right: Array) -> Array:
+    """Coefficients (6, ...) of rising powers of the share, from value, first and second derivative (3, ...) at 0 and 1.
+
+    Equation (10), its derivatives by the share.
+    """
+    p0, t0, k0 = left
+    gap, slope, turn = right[0] - p0 - t0 - k0 / 2, right[1] - t0 - k0, right[2] - k0
+    c3 = 10 * gap - 4 * slope + turn / 2
+    c4 = -15 * gap + 7 * slope - turn
+    c5 = 6 * gap - 3 * slope + turn / 2
+    return np.stack([p0, t0, k0 / 2, c3, c4, c5])
+
+
 def quintic(share: Array, span: Array, left: list[Array], right: list[Array]) -> Array:
     """Hermite interpolation of value, slope and bend at both ends of a span, (10)."""
-    t = share
-    t3 = t**3
-    slope_left, slope_right = left[1] * span, right[1] * span
-    bend_left, bend_right = left[2] * span**2, right[2] * span**2
-    return np.asarray(
-        left[0]
-        + slope_left * (t - t3 * (6 - 8 * t + 3 * t * t))
-        + (right[0] - left[0]) * t3 * (10 - 15 * t + 6 * t * t)
-        - slope_right * t3 * (4 - 7 * t + 3 * t * t)
-        + 0.5 * bend_left * (t * t - 3 * t3 + 3 * t3 * t - t3 * t * t)
-        + 0.5 * bend_right * t3 * (1 - 2 * t + t * t)
-    )
+    scale = (np.ones_like(span), span, span**2)
+    ends = (np.stack([value * by for value, by in zip(end, scale, strict=True)]) for end in (left, right))
+    c0, c1, c2, c3, c4, c5 = quintic_coefficients(*ends)
+    return np.asarray(c0 + share * (c1 + share * (c2 + share * (c3 + share * (c4 + share * c5)))))
 
 
 def wide_gaps(

@@ -44,10 +44,9 @@ class Reach:
 def arc_chain(curve: ExactCurve, tolerance_mm: float) -> tuple[ArcChain, float]:
     """Few arcs within the tolerance of the curve, ends on the curve's ends, and the distance they keep, mm."""
     arc = _sections(curve, tolerance_mm)
-    nodes = CurveTable([curve]).at([0], arc[None, :])
-    tangents = nodes.tangents[:, 0].T
+    points, tangents = (found[:, :, 0].T for found in CurveTable([curve]).read(np.array([0]), arc[:, None]))
     normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
-    tube = Tube(nodes.points[:, 0].T, normals, MARGIN * tolerance_mm)
+    tube = Tube(points, normals, MARGIN * tolerance_mm)
     reaches = [Reach(0, 0.0, 0.0, None)]
     last = len(arc) - 1
     while reaches[0].section < last:

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.path.arc_length import quintic_coefficients
 from planner.path.model import Array
 from planner.path.trace import TracedCurve, refine_many
 
@@ -42,18 +43,6 @@ class ExactCurve(Samples, Protocol):
 
     def refine(self, arc_mm: Array) -> Samples:
         """The exact curve at these arc lengths (k,)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Nodes:
-    """Values of several curves, the same number of places on each; the shape that is fitted in one batch.
-
-    `points` and `tangents` (2, p, m), `arc_mm` (p, m) from 0; one row per curve.
-    """
-
-    arc_mm: Array
-    points: Array
-    tangents: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +109,7 @@ class CurveTable:
         """Quintics (6, 2, m - 1) of rising powers of the share between a sample and the next."""
         width = np.diff(self._keys)
         at = np.arange(len(width))
-        return _quintic(self._state(at, width), self._state(at + 1, width)).transpose(0, 2, 1).copy()
+        return quintic_coefficients(self._state(at, width), self._state(at + 1, width)).transpose(0, 2, 1).copy()
 
     def read(self, rows: NDArray[np.intp], arc_mm: Array) -> tuple[Array, Array]:
         """Points and unit tangents, each (2, k, s), at arc lengths (k, s) of curve rows[i] in column i."""
@@ -135,20 +124,6 @@ class CurveTable:
         tangents = ahead / np.sqrt(ahead[0] ** 2 + ahead[1] ** 2)
         return points.reshape(shape).swapaxes(1, 2).copy(), tangents.reshape(shape).swapaxes(1, 2).copy()
 
-    def at(self, rows: Sequence[int], arc_mm: Array) -> Nodes:
-        """These curves at arc lengths (p, m)."""
-        wanted, count = arc_mm, arc_mm.shape[1]
-        keys = (wanted + self._base[list(rows), None]).ravel()
-        at = np.maximum(np.searchsorted(self._keys, keys) - 1, np.repeat(self._first[list(rows)], count))
-        width = self._keys[at + 1] - self._keys[at]
-        c0, c1, c2, c3, c4, c5 = _quintic(self._state(at, width), self._state(at + 1, width))
-        x = ((keys - self._keys[at]) / width)[:, None]
-        points = c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))
-        first = c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
-        tangents = first / np.hypot(first[:, 0], first[:, 1])[:, None]
-        shape = (2, len(rows), count)
-        return Nodes(wanted, np.ascontiguousarray(points.T).reshape(shape), tangents.T.reshape(shape))
-
     def _state(self, at: NDArray[np.intp], width: Array) -> Array:
         """Position, first and second derivative (3, k, 2) at samples, by shares of these widths."""
         wide = width[:, None]
@@ -159,16 +134,6 @@ class CurveTable:
 def _bend(tangents: Array) -> Array:
     """Unit normals to the left of tangents (k, 2)."""
     return np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
-
-
-def _quintic(start: Array, end: Array) -> Array:
-    """Coefficients (6, k, 2) of rising powers, from value, first and second derivative (3, k, 2) at 0 and at 1."""
-    p0, t0, k0 = start
-    gap, slope, turn = end[0] - p0 - t0 - k0 / 2, end[1] - t0 - k0, end[2] - k0
-    c3 = 10 * gap - 4 * slope + turn / 2
-    c4 = -15 * gap + 7 * slope - turn
-    c5 = 6 * gap - 3 * slope + turn / 2
-    return np.stack([p0, t0, k0 / 2, c3, c4, c5])
 
 
 def _crowding(arc_mm: Array, curvatures: Array) -> Array:

@@ -41,9 +41,7 @@ def lean_polyline(curve: ExactCurve, tolerance_mm: float) -> tuple[Polyline, flo
     Vertices may lie off the curve. Where the curve turns by more than a radian it is cut there, on the curve.
     """
     arc = _sections(curve, tolerance_mm)
-    table = CurveTable([curve])
-    nodes = table.at([0], arc[None, :])
-    points, tangents = nodes.points[:, 0].T, nodes.tangents[:, 0].T
+    points, tangents = (found[:, :, 0].T for found in CurveTable([curve]).read(np.array([0]), arc[:, None]))
     vertices: list[Array] = []
     deviation_mm = 0.0
     for first, last in _stretches(tangents):

@@ -65,7 +65,7 @@ def test_nodes_stand_close_enough_to_read_sharp_bends_between_them(reading_mm: f
         for share in (0.25, 0.5, 0.75):
             arc = curve.arc_mm[:-1] + share * np.diff(curve.arc_mm)
             exact = curve.refine(arc)
-            away = table.at([row], arc[None, :]).points[:, 0].T - exact.points
+            away = table.read(np.array([row]), arc[:, None])[0][:, :, 0].T - exact.points
             off = away[:, 1] * exact.tangents[:, 0] - away[:, 0] * exact.tangents[:, 1]
             assert np.abs(off).max() < 4 * reading_mm
         fine = curve.refine((curve.arc_mm[:-1, None] + np.diff(curve.arc_mm)[:, None] * np.linspace(0, 1, 65)).ravel())
