@@ -1,4 +1,4 @@
-"""What a plan takes from the machine profile, and the files a plan leaves."""
+"""What a plan takes from the machine profile, and how commands read a program and leave files."""
 
 from __future__ import annotations
 
@@ -56,6 +56,20 @@ def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
         if path.resolve() in written:
             raise InputRejected("would be written twice", path=path, remedy="give every output a name of its own")
         written.add(path.resolve())
+
+
+def read_program(path: Path) -> bytes:
+    """The bytes of a program, every one of them; raises InputRejected where there is none."""
+    if not path.is_file():
+        what = "is a directory" if path.is_dir() else "is not a regular file" if path.exists() else "is not there"
+        raise InputRejected(what, path=path, remedy="name a program file")
+    try:
+        data = path.read_bytes()
+    except OSError as problem:
+        raise InputRejected(f"cannot be read: {problem.strerror}", path=path, remedy="check the rights") from None
+    if not data.strip():
+        raise InputRejected("is empty", path=path, remedy="name a program file")
+    return data
 
 
 def write_file(path: Path, data: bytes) -> None:

@@ -42,6 +42,7 @@ def command(
     import json
 
     from dnc.errors import ExitCode, InputRejected
+    from dnc.planning import read_program
     from dnc.profile import profile_path
     from planner.job import load_job
     from sim.mill import rehearse
@@ -55,7 +56,7 @@ def command(
 
         require_drawing()
     nominal = load_nominal(job) if job is not None else None
-    data = _bytes_of(program)
+    data = read_program(program)
     radii_mm = {tool.number: tool.radius_mm for tool in load_job(job).tool} if job is not None else None
     recording = rehearse(data, load_mill_profile(profile_path(machine)), tool_radii_mm=radii_mm)
     verdict = _verdict(nominal, recording, pitch) if nominal is not None else None
@@ -73,21 +74,6 @@ def command(
         write_page(page_of(verdict, recording.travelled, data, title, nodes=60_000, pieces=100_000), view)
     click.echo(json.dumps(made, indent=1) if as_json else _text(made))
     return int(ExitCode.CONTROL if recording.alarms else ExitCode.OK)
-
-
-def _bytes_of(program: Path) -> bytes:
-    from dnc.errors import InputRejected
-
-    if not program.is_file():
-        what = "is a directory" if program.is_dir() else "is not a regular file" if program.exists() else "is not there"
-        raise InputRejected(what, path=program, remedy="name a program file")
-    try:
-        data = program.read_bytes()
-    except OSError as problem:
-        raise InputRejected(f"cannot be read: {problem.strerror}", path=program, remedy="check the rights") from None
-    if not data.strip():
-        raise InputRejected("is empty", path=program, remedy="name a program file")
-    return data
 
 
 def _verdict(nominal: Nominal, recording: Recording, pitch_mm: float | None) -> Verdict:

@@ -22,8 +22,7 @@ def command(
     program: Path, output: Path, job: Path, most_bytes: int | None, machine: str, retract_z: float | None, as_json: bool
 ) -> int:
     """Cut PROGRAM where the tool stands clear; each part restores tool, spindle, frames and modes, and ends itself."""
-    from dnc.check.run import chunks_of
-    from dnc.planning import write_file
+    from dnc.planning import read_program, write_file
     from dnc.profile import load_profile, profile_path
     from dnc.restart import Heights
     from dnc.split import split_program
@@ -40,7 +39,7 @@ def command(
         retract_z_mm=retract_z,
     )
     limit = most_bytes or load_profile(profile_path(machine)).control.receive_buffer_bytes
-    parts = split_program(b"".join(chunks_of(program)), limit, heights)
+    parts = split_program(read_program(program), limit, heights)
     if not output.is_dir():
         raise InputRejected("is no folder", path=output, remedy="make it first")
     names = [output / f"{program.stem}-{number}{program.suffix}" for number in range(1, len(parts) + 1)]

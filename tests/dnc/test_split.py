@@ -81,3 +81,13 @@ def test_command_writes_the_parts(tmp_path: Path) -> None:
     shown = CliRunner().invoke(command, arguments, standalone_mode=False)
     assert shown.return_value == 0, shown.output
     assert len(list(tmp_path.glob("part-*.mpf"))) == len(shown.output.splitlines()) > 2
+
+
+def test_no_byte_of_a_long_line_is_lost(tmp_path: Path) -> None:
+    """A line beyond what the check holds in memory reaches its part whole (6.8)."""
+    data = b";" + 400_000 * b"A" + b"\n" + program()
+    path = tmp_path / "part.mpf"
+    path.write_bytes(data)
+    arguments = [str(path), "-o", str(tmp_path), "--job", str(THESIS), "--bytes", "1000000"]
+    assert CliRunner().invoke(command, arguments, standalone_mode=False).return_value == 0
+    assert (tmp_path / "part-1.mpf").read_bytes() == data
