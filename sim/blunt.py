@@ -23,7 +23,11 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
-    """The function through numba, kept on disk between runs, free of the interpreter's lock; itself without numba."""
+    """The function through numba, kept on disk between runs, free of the interpreter's lock; itself without numba.
+
+    What is kept of `sim.probe_fast` holds these functions too, and numba compares that file alone: after a change here
+    remove the kept files, sim/__pycache__/*.nb?.
+    """
     try:
         from numba import njit
     except ImportError:
