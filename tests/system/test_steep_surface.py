@@ -9,6 +9,8 @@ import pytest
 
 from dnc.cli.main import run_with
 from dnc.shipped import shipped_path
+from planner.plan import plan_job
+from planner.post.written import ControlLimits
 from planner.surface.patch import NurbsPatch
 from tests.planner.surfaces import wavy_patch
 
@@ -38,13 +40,10 @@ def test_the_mill_measures_no_deeper_gouge_than_the_plan_reports(tmp_path: Path)
         job = job.replace(old, new)
     (tmp_path / "job.toml").write_text(job)
     (tmp_path / "steep.toml").write_text(surface_text(wavy_patch(1, size_mm=30.0, height_mm=0.4)))
-    part, plan, measured = tmp_path / "part.mpf", tmp_path / "plan.json", tmp_path / "measured.json"
-    assert (
-        run_with(["plan", str(tmp_path / "job.toml"), "-o", str(part), "--blocks", "linear", "--report", str(plan)])
-        == 0
-    )
+    planned = plan_job(tmp_path / "job.toml", ControlLimits(), post={"blocks": "linear"})
+    part, measured = tmp_path / "part.mpf", tmp_path / "measured.json"
+    part.write_bytes(planned.program)
     options = ["--job", str(tmp_path / "job.toml"), "--report", str(measured), "--pitch", "0.5"]
     assert run_with(["simulate", str(part), *options]) == 0
-    promised = json.loads(plan.read_text())
-    assert promised["path_deviation_mm"] <= 0.0005
-    assert 0.0001 < json.loads(measured.read_text())["gouge_mm"] <= promised["gouge_mm"]
+    assert planned.report["path_deviation_mm"] <= 0.0005
+    assert 0.0001 < json.loads(measured.read_text())["gouge_mm"] <= planned.report["gouge_mm"]
