@@ -8,7 +8,6 @@ from planner.gcode.words import Word
 CODE_ADDRESSES = frozenset("GM")
 
 SPLINE_CODES = frozenset({"ASPLINE", "BSPLINE", "CSPLINE"})
-GEOMETRY_AXES = ("X", "Y", "Z")
 
 
 def code_of(word: Word) -> str | None:
