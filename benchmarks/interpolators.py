@@ -6,7 +6,6 @@ when called with `--write`.
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 import subprocess
@@ -16,18 +15,27 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.dripping import (
+    HIGHEST_MM_MIN,
+    drip,
+    first_passes,
+    highest_feed_mm_min,
+    in_even_steps,
+    line_limit_mm_min,
+)
+from dnc.planning import limits_of
+from dnc.profile import load_profile
 from dnc.shipped import shipped_path
-from sim.interpreter import canon
-from sim.interpreter.run import Interpreter
-from sim.mill import rehearse, settings_of
-from sim.motion.machine import Machine
+from planner.plan import plan_job
+from sim.mill import rehearse
 from sim.profile import MillProfile, load_mill_profile
 
 KINDS = ("linear", "arcs", "poly", "bspline")
 BAUDS = (1200, 2400, 9600, 38400, 115200)
 BUFFERS_BYTES = (128, 5070)
 FEEDS_MM_MIN = (250.0, 3000.0)
-LONGEST_CALL_S = 0.2
+WAVE_PASSES, WAVE_PATH_MM, WAVE_FEED_MM_MIN, WAVE_BAUD = 12, 0.001, 1500.0, 9600
+WAVE_MACHINES = ("sinumerik-840d", "five-axis-840d", "slow-serial-1990s")
 
 
 def plan(kind: str, feed_mm_min: float, folder: Path) -> tuple[bytes, dict[str, object]]:
@@ -61,35 +69,38 @@ def motion_figures(data: bytes, profile: MillProfile, feed_mm_min: float) -> dic
     }
 
 
-def starved_s(data: bytes, profile: MillProfile, baud: int, buffer_bytes: int) -> float:
-    """Time the machine stands for want of blocks when the program drips in at this rate through this buffer.
+def wave_rows(profile_name: str, folder: Path) -> list[str]:
+    """The wave at 1 um, 9600 baud: what the line alone allows, and the highest feed at which this machine never waits.
 
-    The line sends whenever the buffer has room (an ideal handshake); a block can be read when its last byte is there.
-    Line and machine meet every 0.2 s or twice in the time the buffer takes to fill, whichever is shorter.
+    Some passes of 300 mm, so many that even the smallest program is larger than the smaller buffer.
     """
-    profile = dataclasses.replace(profile, baud=baud, receive_buffer_bytes=buffer_bytes)
-    machine = Machine(profile, profile.block_cycle_s)
-    interpreter = Interpreter(settings_of(profile, is_drip_fed=True))
-    rate = baud / profile.bits_per_byte
-    call_s = min(LONGEST_CALL_S, 0.5 * buffer_bytes / rate)
-    sent, taken, line, now_s, is_done = 0.0, 0, 0, 0.0, False
-    while not is_done or machine.snapshot().blocks_queued > 0:
-        now_s += call_s
-        sent = min(sent + rate * call_s, float(len(data)), float(taken + buffer_bytes))
-        while not is_done and machine.free_blocks > 0:
-            end = data.find(b"\n", taken, int(sent))
-            if end < 0 and sent < len(data):
-                break
-            line += 1
-            block, taken = data[taken : end + 1] if end >= 0 else data[taken:], end + 1 if end >= 0 else len(data)
-            commands = interpreter.block(block, line)
-            is_done = taken >= len(data) or any(isinstance(c, canon.End | canon.Alarm) for c in commands)
-            for command in commands + (interpreter.finish() if is_done else []):
-                machine.offer(command)
-        if is_done:
-            machine.close()
-        machine.advance(now_s)
-    return sum(interval.duration_s for interval in machine.starved)
+    text = shipped_path("jobs", "wave").read_text()
+    text = text.replace("../surfaces/wave.toml", str(shipped_path("surfaces", "wave")))
+    text = text.replace("pick_feed_mm = 0.5", "pick_feed_mm = 7.5").replace(
+        "plunge_mm_min = 100", "plunge_mm_min = 1400"
+    )
+    job = folder / "wave.toml"
+    job.write_text(text)
+    profile = load_mill_profile(shipped_path("machines", profile_name))
+    limits = limits_of(load_profile(shipped_path("machines", profile_name)))
+    planned = {kind: plan_job(job, limits, post={"blocks": kind}) for kind in KINDS}
+    programs = {kind: one.program for kind, one in planned.items()}
+    lean = planned["linear"]
+    curves = sorted(lean.layout.curves, key=lambda curve: curve.plane.offset_mm)
+    even = in_even_steps(lean.program, curves, lean.tool_path.radius_mm, WAVE_PATH_MM, WAVE_FEED_MM_MIN)
+    rows = []
+    for name, whole in (("G1, even steps, all words", even), *programs.items()):
+        data = first_passes(whole, WAVE_PASSES)
+        line = line_limit_mm_min(data, profile, WAVE_BAUD, WAVE_FEED_MM_MIN)
+        cells = [f"{len(data) / WAVE_PASSES:.0f}", f"{line:.0f}"]
+        for size in BUFFERS_BYTES:
+            if len(data) <= size:
+                cells.append("smaller than the buffer")
+                continue
+            feed = highest_feed_mm_min(data, profile, WAVE_BAUD, size, WAVE_FEED_MM_MIN, line)
+            cells.append(f"{feed:.0f}" if feed < HIGHEST_MM_MIN else f"over {HIGHEST_MM_MIN:.0f}")
+        rows.append(f"| {name} | " + " | ".join(cells) + " |")
+    return rows
 
 
 def main() -> int:
@@ -108,7 +119,7 @@ def main() -> int:
             if feed == FEEDS_MM_MIN[-1]:
                 for kind, (data, _) in programs.items():
                     starving[kind] = {
-                        size: [starved_s(data, profile, baud, size) for baud in BAUDS] for size in BUFFERS_BYTES
+                        size: [drip(data, profile, baud, size).starved_s for baud in BAUDS] for size in BUFFERS_BYTES
                     }
     lines += [f"### Time starved, s, at {FEEDS_MM_MIN[-1]:.0f} mm/min", ""]
     lines += [
@@ -119,6 +130,10 @@ def main() -> int:
         lines += [
             f"| {kind} | {size} B | " + " | ".join(f"{t:.1f}" for t in times) + " |" for size, times in sizes.items()
         ]
+    with tempfile.TemporaryDirectory() as name:
+        for machine in WAVE_MACHINES:
+            lines += ["", f"### The wave at {WAVE_BAUD} baud, machine {machine}: highest feed, mm/min", ""]
+            lines += [_WAVE_HEAD, "|---" * 5 + "|", *wave_rows(machine, Path(name))]
     print("\n".join(lines))
     if "--write" in sys.argv:
         page = Path("docs/interpolators.md")
@@ -129,6 +144,11 @@ def main() -> int:
     return 0
 
 
+_WAVE_HEAD = (
+    "| blocks | bytes a pass | of the line, worst 2 s | "
+    + " | ".join(f"machine never waits, {size} B" for size in BUFFERS_BYTES)
+    + " |"
+)
 _HEAD = (
     "| blocks | bytes | blocks | path error, um | time, s | share of cutting at the feed | feed error there | "
     "peak jerk, m/s3 | RMS jerk, m/s3 |"
