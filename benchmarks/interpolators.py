@@ -35,7 +35,7 @@ BAUDS = (1200, 2400, 9600, 38400, 115200)
 BUFFERS_BYTES = (128, 5070)
 FEEDS_MM_MIN = (250.0, 3000.0)
 WAVE_PASSES, WAVE_PATH_MM, WAVE_FEED_MM_MIN, WAVE_BAUD = 12, 0.001, 1500.0, 9600
-WAVE_MACHINES = ("sinumerik-840d", "five-axis-840d", "slow-serial-1990s")
+WAVE_MACHINES = ("sinumerik-840d", "slow-serial-1990s")
 
 
 def plan(kind: str, feed_mm_min: float, folder: Path) -> tuple[bytes, dict[str, object]]:
