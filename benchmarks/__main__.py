@@ -6,7 +6,15 @@ import subprocess
 import sys
 from pathlib import Path
 
-_NOT_BENCHMARKS = {"__init__", "__main__", "planner_accuracy", "thesis_figures", "wave_surface"}
+_NOT_BENCHMARKS = {
+    "__init__",
+    "__main__",
+    "dripping",
+    "planner_accuracy",
+    "thesis_figures",
+    "wave_line",
+    "wave_surface",
+}
 
 
 def main() -> int:

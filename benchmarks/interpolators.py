@@ -15,26 +15,22 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.dripping import (
-    HIGHEST_MM_MIN,
-    drip,
-    first_passes,
-    highest_feed_mm_min,
-    in_even_steps,
-    line_limit_mm_min,
+from benchmarks.dripping import drip
+from benchmarks.wave_line import (
+    KINDS,
+    LOSS_FEED_MM_MIN,
+    draw,
+    feed_table,
+    loss_table,
+    losses_of,
+    mill_of,
+    wave_programs,
 )
-from dnc.planning import limits_of
-from dnc.profile import load_profile
 from dnc.shipped import shipped_path
-from planner.plan import plan_job
 from sim.mill import rehearse
 from sim.profile import MillProfile, load_mill_profile
 
-KINDS = ("linear", "arcs", "poly", "bspline")
-BAUDS = (1200, 2400, 9600, 38400, 115200)
-BUFFERS_BYTES = (128, 5070)
 FEEDS_MM_MIN = (250.0, 3000.0)
-WAVE_PASSES, WAVE_PATH_MM, WAVE_FEED_MM_MIN, WAVE_BAUD = 12, 0.001, 1500.0, 9600
 WAVE_MACHINES = ("sinumerik-840d", "slow-serial-1990s")
 
 
@@ -69,86 +65,34 @@ def motion_figures(data: bytes, profile: MillProfile, feed_mm_min: float) -> dic
     }
 
 
-def wave_rows(profile_name: str, folder: Path) -> list[str]:
-    """The wave at 1 um, 9600 baud: what the line alone allows, and the highest feed at which this machine never waits.
-
-    Some passes of 300 mm, so many that even the smallest program is larger than the smaller buffer.
-    """
-    text = shipped_path("jobs", "wave").read_text()
-    text = text.replace("../surfaces/wave.toml", str(shipped_path("surfaces", "wave")))
-    text = text.replace("pick_feed_mm = 0.5", "pick_feed_mm = 7.5").replace(
-        "plunge_mm_min = 100", "plunge_mm_min = 1400"
-    )
-    job = folder / "wave.toml"
-    job.write_text(text)
-    profile = load_mill_profile(shipped_path("machines", profile_name))
-    limits = limits_of(load_profile(shipped_path("machines", profile_name)))
-    planned = {kind: plan_job(job, limits, post={"blocks": kind}) for kind in KINDS}
-    programs = {kind: one.program for kind, one in planned.items()}
-    lean = planned["linear"]
-    curves = sorted(lean.layout.curves, key=lambda curve: curve.plane.offset_mm)
-    even = in_even_steps(lean.program, curves, lean.tool_path.radius_mm, WAVE_PATH_MM, WAVE_FEED_MM_MIN)
-    rows = []
-    for name, whole in (("G1, even steps, all words", even), *programs.items()):
-        data = first_passes(whole, WAVE_PASSES)
-        line = line_limit_mm_min(data, profile, WAVE_BAUD, WAVE_FEED_MM_MIN)
-        cells = [f"{len(data) / WAVE_PASSES:.0f}", f"{line:.0f}"]
-        for size in BUFFERS_BYTES:
-            if len(data) <= size:
-                cells.append("smaller than the buffer")
-                continue
-            feed = highest_feed_mm_min(data, profile, WAVE_BAUD, size, WAVE_FEED_MM_MIN, line)
-            cells.append(f"{feed:.0f}" if feed < HIGHEST_MM_MIN else f"over {HIGHEST_MM_MIN:.0f}")
-        rows.append(f"| {name} | " + " | ".join(cells) + " |")
-    return rows
-
-
 def main() -> int:
     """Plan, cut, starve; print the tables, and with `--write` put them into docs/."""
     profile = load_mill_profile(shipped_path("machines", "sinumerik-840d"))
     lines: list[str] = []
-    starving: dict[str, dict[int, list[float]]] = {}
     with tempfile.TemporaryDirectory() as name:
         for feed in FEEDS_MM_MIN:
             lines += [f"### {feed:.0f} mm/min", "", _HEAD, _RULE]
-            programs = {kind: plan(kind, feed, Path(name)) for kind in KINDS}
-            for kind, (data, report) in programs.items():
-                figures = motion_figures(data, profile, feed)
-                lines.append(_row(kind, data, report, figures))
-            lines.append("")
-            if feed == FEEDS_MM_MIN[-1]:
-                for kind, (data, _) in programs.items():
-                    starving[kind] = {
-                        size: [drip(data, profile, baud, size).starved_s for baud in BAUDS] for size in BUFFERS_BYTES
-                    }
-    lines += [f"### Time starved, s, at {FEEDS_MM_MIN[-1]:.0f} mm/min", ""]
-    lines += [
-        "| blocks | buffer | " + " | ".join(f"{baud} baud" for baud in BAUDS) + " |",
-        "|---" * (2 + len(BAUDS)) + "|",
-    ]
-    for kind, sizes in starving.items():
-        lines += [
-            f"| {kind} | {size} B | " + " | ".join(f"{t:.1f}" for t in times) + " |" for size, times in sizes.items()
-        ]
-    with tempfile.TemporaryDirectory() as name:
+            for kind in KINDS:
+                data, report = plan(kind, feed, Path(name))
+                lines.append(_row(kind, data, report, motion_figures(data, profile, feed)))
+            starved = max(drip(plan(kind, feed, Path(name))[0], profile, 1200, 128).starved_s for kind in KINDS)
+            lines += ["", f"Longest time starved at 1200 baud through 128 bytes: {starved:.1f} s.", ""]
         for machine in WAVE_MACHINES:
-            lines += ["", f"### The wave at {WAVE_BAUD} baud, machine {machine}: highest feed, mm/min", ""]
-            lines += [_WAVE_HEAD, "|---" * 5 + "|", *wave_rows(machine, Path(name))]
+            lines += [f"### The wave at 9600 baud, machine {machine}: highest feed, mm/min", ""]
+            lines += [*feed_table(wave_programs(machine, Path(name)), mill_of(machine)), ""]
+        losses = losses_of(wave_programs(WAVE_MACHINES[0], Path(name)), mill_of(WAVE_MACHINES[0]))
+    lines += [f"### The wave at {LOSS_FEED_MM_MIN:.0f} mm/min, machine {WAVE_MACHINES[0]}: time lost, s", ""]
+    lines += loss_table(losses)
     print("\n".join(lines))
     if "--write" in sys.argv:
         page = Path("docs/interpolators.md")
         head, _, rest = page.read_text().partition("<!-- figures -->")
         tail = rest.partition("<!-- end of figures -->")[2]
         page.write_text(f"{head}<!-- figures -->\n" + "\n".join(lines) + f"\n<!-- end of figures -->{tail}")
-        draw(starving, Path("docs/pictures/interpolators.png"))
+        draw(losses, Path("docs/pictures/interpolators.png"))
     return 0
 
 
-_WAVE_HEAD = (
-    "| blocks | bytes a pass | of the line, worst 2 s | "
-    + " | ".join(f"machine never waits, {size} B" for size in BUFFERS_BYTES)
-    + " |"
-)
 _HEAD = (
     "| blocks | bytes | blocks | path error, um | time, s | share of cutting at the feed | feed error there | "
     "peak jerk, m/s3 | RMS jerk, m/s3 |"
@@ -163,28 +107,6 @@ def _row(kind: str, data: bytes, report: dict[str, object], figures: dict[str, f
         f"{100 * figures['at_feed']:.1f} % | {100 * figures['feed_error']:.3f} % | {figures['peak_jerk']:.1f} | "
         f"{figures['rms_jerk']:.2f} |"
     )
-
-
-def draw(starving: dict[str, dict[int, list[float]]], path: Path) -> None:
-    """Time starved over baud rate, one line a kind of blocks, one panel a buffer."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, panels = plt.subplots(1, len(BUFFERS_BYTES), figsize=(9, 3.5), sharey=True)
-    for panel, size in zip(panels, BUFFERS_BYTES, strict=True):
-        for kind, sizes in starving.items():
-            panel.semilogx(BAUDS, sizes[size], marker="o", label=kind)
-        panel.set_title(f"buffer {size} B")
-        panel.set_xlabel("baud")
-        panel.grid(alpha=0.3)
-    panels[0].set_ylabel("time starved, s")
-    panels[0].legend()
-    figure.tight_layout()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
 
 
 if __name__ == "__main__":

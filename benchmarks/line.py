@@ -193,7 +193,8 @@ def profile_at(folder: Path, buffer_bytes: int, reserve_bytes: int) -> Path:
     changes = {
         "receive_buffer_bytes": buffer_bytes,
         "xoff_free_bytes": reserve_bytes,
-        "xon_fill_bytes": (buffer_bytes - reserve_bytes) // 2,
+        # A block must fit below this mark, or the rest of one keeps the control from asking for more.
+        "xon_fill_bytes": max((buffer_bytes - reserve_bytes) // 2, 24),
         "lookahead_blocks": 3,
     }
     lines = [
