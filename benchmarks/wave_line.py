@@ -111,7 +111,7 @@ def draw(losses: Losses, path: Path) -> None:
         panel.set(title=f"buffer {size} B", xlabel="baud", xscale="log", yscale="symlog")
         panel.set_xticks(BAUDS, [str(baud) for baud in BAUDS])
         panel.grid(alpha=0.3)
-    panels[0].set_ylabel(f"time lost for want of blocks, s, at {LOSS_FEED_MM_MIN:.0f} mm/min")
+    panels[0].set_ylabel(f"time lost, s, at {LOSS_FEED_MM_MIN:.0f} mm/min")
     panels[1].legend()
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=120)
