@@ -58,7 +58,7 @@ def _work(wire: Wire, setup: Setup) -> None:
         if log is not None:
             log.add(samples)
 
-    mill = LiveMill(setup.profile, setup.faults, keep)
+    mill = LiveMill(setup.profile, setup.faults, keep, setup.tool_radii_mm)
     modbus = _serve_modbus(setup)
     modbus.show(mill.panel())
     try:

@@ -6,7 +6,7 @@ start, the keys that `--fault` names, and cycle start again after a programmed s
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import Enum
 from functools import partial
 
@@ -50,7 +50,13 @@ class _Ear(Enum):
 class LiveMill:
     """One control, one machine, one program."""
 
-    def __init__(self, profile: MillProfile, faults: Faults, log: Callable[[Samples], None]) -> None:
+    def __init__(
+        self,
+        profile: MillProfile,
+        faults: Faults,
+        log: Callable[[Samples], None],
+        tool_radii_mm: Mapping[int, float] | None = None,
+    ) -> None:
         self.profile, self.faults = profile, faults
         self.control = Control()
         self.machine = Machine(profile, profile.block_cycle_s, stops_at_optional=faults.optional_stop)
@@ -59,7 +65,7 @@ class LiveMill:
         self.blocks = 0
         self.begun_s: float | None = None
         self.completed_s: float | None = None
-        settings = settings_of(profile, is_drip_fed=True)
+        settings = settings_of(profile, is_drip_fed=True, tool_radii_mm=tool_radii_mm)
         self._interpreter = Interpreter(settings)
         self._start_mm = settings.start_mm
         self._has_moved = False

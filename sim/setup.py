@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from sim.faults import Faults
@@ -11,7 +12,10 @@ from sim.profile import MillProfile
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """For the control's process; paths are absent where nothing is wanted. `probe_pitch_mm` is the verdict's."""
+    """For the control's process; paths are absent where nothing is wanted. `probe_pitch_mm` is the verdict's.
+
+    `tool_radii_mm` is by tool number, for G41 and G42.
+    """
 
     profile: MillProfile
     faults: Faults
@@ -23,3 +27,4 @@ class Setup:
     motion: Path | None
     probe_pitch_mm: float
     plot: Path | None = None
+    tool_radii_mm: Mapping[int, float] = field(default_factory=dict)

@@ -17,7 +17,7 @@ import click
 @click.option("--baud", type=click.IntRange(50, 4_000_000), help="of the line at speed 1, in place of the profile's")
 @click.option("--seed", type=int, default=1, show_default=True, help="of everything random")
 @click.option("--fault", "faults", multiple=True, metavar="NAME=VALUE", help="what goes wrong; a wrong name lists them")
-@click.option("--nominal", type=click.Path(path_type=Path), help="job file: measure the part against its design")
+@click.option("--nominal", type=click.Path(path_type=Path), help="job file: measure against its design; tool radii")
 @click.option("--probe-pitch", type=click.FloatRange(min=0.001), default=0.1, show_default=True, help="mm")
 @click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON at the end")
 @click.option("--motion", type=click.Path(path_type=Path), help="write the motion log as CSV")
@@ -46,6 +46,7 @@ def command(
 
     from dnc.places import config_folder
     from dnc.profile import load_profile, profile_path
+    from planner.job import load_job
     from sim.faults import parse_faults
     from sim.process import Wishes, run_mill
     from sim.profile import load_mill_profile
@@ -67,6 +68,7 @@ def command(
         motion=motion,
         probe_pitch_mm=probe_pitch,
         plot=plot,
+        tool_radii_mm={} if nominal is None else {tool.number: tool.radius_mm for tool in load_job(nominal).tool},
     )
     wishes = Wishes(seed=seed, fault_words=faults, link=link, report=report)
     return run_mill(setup, wishes, lambda ready: click.echo(json.dumps(ready)))

@@ -101,7 +101,7 @@ class Path:
         state = self._state
         tool = self._settings.tools.get(state.tool)
         if tool is None and state.edge:
-            text = f"the radius of tool T{state.tool} is not known; a tool of the table is expected"
+            text = f"the radius of tool T{state.tool} is not known; name the job with --job (the mill: --nominal)"
             raise ControlAlarm(AlarmNumber.COMPENSATION, text)
         radius = tool.radius_mm if tool is not None and state.edge else 0.0
         frame = state.frame

@@ -35,6 +35,7 @@ class Cable:
     faults: tuple[str, ...] = ()
     is_deaf: bool = False
     profile: MillProfile = PROFILE
+    tool_radii_mm: dict[int, float] = field(default_factory=dict)
     heard: bytes = b""
     executions: list[Execution] = field(default_factory=list)
     samples: list[Samples] = field(default_factory=list)
@@ -43,7 +44,7 @@ class Cable:
     def __post_init__(self) -> None:
         faults = parse_faults(self.faults)
         self.uart = Uart(self.profile, faults, seed=1)
-        self.mill = LiveMill(self.profile, faults, self.samples.append)
+        self.mill = LiveMill(self.profile, faults, self.samples.append, self.tool_radii_mm)
         self.now_s = 0.0
         self.is_held = faults.start.value != "immediate"
 
@@ -100,6 +101,18 @@ def test_a_number_passed_between_two_looks_at_the_panel_is_shown() -> None:
     assert panel is not None
     assert panel.position_mm[0] > 1.0
     assert panel.block == 7
+
+
+def test_compensation_takes_the_radius_it_was_given_and_says_where_to_name_it() -> None:
+    """(6.2)"""
+    program = b"T1 M6\nD1 G90 G0 X0 Y9 Z500\nG1 G41 X10 Y0 F3000\nX20\nG40 X30 Y9\nM30\n"
+    refused = Cable(program).run(30.0)
+    assert alarm_numbers(refused) == [10750]
+    assert "--nominal" in refused.mill.alarms[0][1].text
+    cut = Cable(program, tool_radii_mm={1: 4.0}).run(30.0)
+    assert alarm_numbers(cut) == []
+    assert cut.is_completed
+    assert any((move.end[0], move.end[1]) == pytest.approx((20.0, 4.0)) for move in cut.mill.machine.travelled)
 
 
 def test_the_same_program_and_seed_give_the_same_log() -> None:

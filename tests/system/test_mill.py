@@ -17,6 +17,7 @@ import jsonschema
 import pytest
 from pymodbus.client import ModbusTcpClient
 
+from dnc.shipped import shipped_path
 from tests.helpers.mill import MillProcess, listen, port, small_machine, stuff
 
 pytestmark = pytest.mark.system
@@ -46,6 +47,19 @@ def test_a_program_is_received_cut_and_reported(tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert [float(rows[-1][f"{axis}_mm"]) for axis in "xyz"] == [0.0, 1.0, 500.0]
     assert not list(tmp_path.glob("*.part"))
+
+
+def test_the_job_of_nominal_gives_the_tool_radii(tmp_path: Path) -> None:
+    """(6.2): a compensated program runs through the line without an alarm."""
+    program = b"T2 M6\nD1 G90 G0 X0 Y9 Z500\nG1 G41 X10 Y0 F3000\nX20\nG40 X30 Y9\nM30\n"
+    job = shipped_path("jobs", "thesis")
+    with (
+        MillProcess(tmp_path, "--speed", "20", "--nominal", job, "--probe-pitch", "5") as mill,
+        port(mill.ready["pty"]) as fd,
+    ):
+        stuff(fd, program, 30.0, obeys=True)
+        assert mill.end() == 0
+    assert (mill.report["alarms"], mill.report["is_completed"]) == ([], True)
 
 
 def test_the_pseudo_terminal_cannot_hide_overshoot(tmp_path: Path) -> None:
