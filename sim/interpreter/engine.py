@@ -16,7 +16,8 @@ from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.canon import Vector
 from sim.interpreter.definitions import define
 from sim.interpreter.execute import Executor
-from sim.interpreter.flow import Flow, Level
+from sim.interpreter.flow import Flow
+from sim.interpreter.levels import Level
 from sim.interpreter.mapping import mapping_of
 from sim.interpreter.outlet import Outlet
 from sim.interpreter.settings import Settings

@@ -10,7 +10,7 @@ from planner.gcode.statement import Procedure
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.definitions import bind
 from sim.interpreter.execute import text_argument
-from sim.interpreter.flow import Level
+from sim.interpreter.levels import Level
 from sim.interpreter.library import Library, plain_name
 from sim.interpreter.settings import Settings
 from sim.interpreter.source import Whole
