@@ -27,6 +27,9 @@ STATEMENTS = (
     "UNTIL DEF PROC EXTERN RET"
 )
 _NO_EFFECT = "accepted without effect"
+_CHECKED = {"acted on": "interpreted", _NO_EFFECT: "no finding", "alarm": "unknown-word"}
+"""What `dnc check` makes of a word, by what becomes of it."""
+
 _TESTS: dict[ModalGroup, str] = {
     ModalGroup.MOTION: "canon/arcs, canon/splines, test_splines",
     ModalGroup.ONE_SHOT: "canon/feeds, test_words",
@@ -77,8 +80,10 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
 
 def table() -> str:
     """The table as Markdown."""
-    head = "| word | what becomes of it | remark | tested in |\n|---|---|---|---|\n"
-    return head + "".join(f"| {' | '.join(row)} |\n" for row in rows())
+    head = "| word | what becomes of it | checked | remark | tested in |\n|---|---|---|---|---|\n"
+    return head + "".join(
+        f"| {words} | {fate} | {_CHECKED[fate]} | {remark} | {tests} |\n" for words, fate, remark, tests in rows()
+    )
 
 
 def table_without_effect() -> str:

@@ -22,6 +22,7 @@ from dnc.shipped import shipped_path
 from planner.post.base import write_program
 from planner.post.written import ControlLimits
 from sim.interpreter import canon
+from sim.interpreter.vocabulary import IGNORED_CODES, IGNORED_M, REFUSED_CODES
 from tests.planner.post.paths import THESIS, job, polyline, spline, tool_path
 
 PROFILE = load_profile(shipped_path("machines", "sinumerik-840d"))
@@ -243,6 +244,15 @@ def test_the_job_gives_the_radii_that_compensation_needs(tmp_path: Path, capsys:
     assert capsys.readouterr().out == "17 blocks: 0 errors, 0 warnings, 0 notes\n"
     assert run_with(["simulate", str(path), "--job", str(THESIS), "--pitch", "5", "--motion", str(motion)]) == 0
     assert "4.000000" in {row.split(",")[2] for row in motion.read_text().splitlines()}
+
+
+def test_words_are_checked_as_the_page_of_the_language_says() -> None:
+    """(6.5, 6.10) Column `checked` of docs/dialects.md."""
+    plain = ids("")
+    for code in (*IGNORED_CODES, *(f"M{number}" for number in IGNORED_M)):
+        assert ids(f"{code}\n") == plain, code
+    for word in (*REFUSED_CODES, "M77", "G777", "NOSUCH=1"):
+        assert ("unknown-word", 1) in ids(f"{word}\n"), word
 
 
 def test_other_dialects_are_not_checked_as_if_they_were_this_one(tmp_path: Path) -> None:
