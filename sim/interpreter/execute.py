@@ -13,25 +13,14 @@ from planner.gcode import Block, ModalGroup, Name, Text, Word
 from sim.interpreter import canon
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.frame_words import program_frame, program_limits
+from sim.interpreter.mode_words import set_feed, set_modes
 from sim.interpreter.motion_words import Mover
 from sim.interpreter.outlet import Outlet
 from sim.interpreter.request import AXES, Request, request_of
 from sim.interpreter.settings import Settings
-from sim.interpreter.state import INCH_MM, State
+from sim.interpreter.state import State
 from sim.interpreter.values import Variables, evaluate
 
-_MODES = {"G60": canon.PathMode.EXACT_STOP, "G64": canon.PathMode.CONTINUOUS, "G641": canon.PathMode.ROUNDING_DISTANCE}
-_PLAIN_MODALS = (
-    (ModalGroup.PLANE, "plane"),
-    (ModalGroup.DIMENSION, "dimension"),
-    (ModalGroup.UNITS, "units"),
-    (ModalGroup.WORK_OFFSET, "work_offset"),
-    (ModalGroup.COMPENSATION, "compensation"),
-    (ModalGroup.CORNER, "corner"),
-    (ModalGroup.FEED_CORRECTION, "feed_correction"),
-    (ModalGroup.SPLINE_START, "spline_start"),
-    (ModalGroup.SPLINE_END, "spline_end"),
-)
 _MESSAGE_LIMIT = 200
 _ENDS = frozenset({2, 17, 30})
 
@@ -72,14 +61,14 @@ class Executor:
         """Carry out a block. Raises ControlAlarm for what the control refuses."""
         request = request_of(block, self._variables, self._settings.accepted_m_codes)
         if request.is_bare_move:
-            self._feed(request)
+            set_feed(request, self._state)
             self._mover.move(request)
             self._require_used(request)
             return NOTHING_LEFT
         calls = self._own_calls(request)
         self._numbered_call(calls, request)
-        self._modes(request)
-        self._feed(request)
+        set_modes(request, self._state, self._outlet)
+        set_feed(request, self._state)
         self._tool(request)
         self._before_move(request)
         one_shot = request.code(ModalGroup.ONE_SHOT)
@@ -147,59 +136,6 @@ class Executor:
                 raise ControlAlarm(AlarmNumber.PARAMETERS, text, word.column)
             axes.append(AXES[value.name])
         self._state.feed_axes = tuple(axes) if 0 < len(set(axes)) < len(AXES) else None
-
-    def _modes(self, request: Request) -> None:
-        state = self._state
-        for group, attribute in _PLAIN_MODALS:
-            code = request.code(group)
-            if code is not None:
-                setattr(state, attribute, code)
-        area = request.code(ModalGroup.WORKING_AREA)
-        if area is not None:
-            state.is_area_limited = area == "WALIMON"
-        acceleration = request.code(ModalGroup.ACCELERATION)
-        if acceleration is not None and acceleration != state.acceleration:
-            state.acceleration = acceleration
-            self._put(canon.SetJerkLimit, request, acceleration == "SOFT")
-        self._path_mode(request)
-
-    def _path_mode(self, request: Request) -> None:
-        state = self._state
-        factor = INCH_MM if state.is_inch else 1.0
-        distance, tolerance = request.take("ADIS"), request.take("CTOL")
-        if distance is not None:
-            state.rounding_distance_mm = distance * factor
-        if tolerance is not None:
-            state.contour_tolerance_mm = tolerance * factor if tolerance >= 0 else None
-        code = request.code(ModalGroup.PATH_MODE)
-        changes = (distance is not None and state.path_mode == "G641") or (
-            tolerance is not None and state.path_mode not in ("G60", "G64", "G641")
-        )
-        if code is None and not changes:
-            return
-        state.path_mode = code or state.path_mode
-        mode = _MODES.get(state.path_mode, canon.PathMode.ROUNDING_TOLERANCE)
-        by_mode = {
-            canon.PathMode.ROUNDING_DISTANCE: state.rounding_distance_mm,
-            canon.PathMode.ROUNDING_TOLERANCE: state.contour_tolerance_mm,
-        }
-        self._put(canon.SetPathMode, request, mode, by_mode.get(mode))
-
-    def _feed(self, request: Request) -> None:
-        state = self._state
-        feed_type = request.code(ModalGroup.FEED_TYPE)
-        if feed_type is not None and feed_type != state.feed_type:
-            state.feed_type, state.feed = feed_type, None
-        if request.code(ModalGroup.ONE_SHOT) == "G4":
-            return
-        feed = request.take("F")
-        if feed is None:
-            if state.feed_type == "G93":
-                state.feed = None
-            return
-        if feed <= 0:
-            raise ControlAlarm(AlarmNumber.NO_FEED, f"F{feed:g} is no feed; a value above 0 is expected")
-        state.feed = feed
 
     def _tool(self, request: Request) -> None:
         state, settings = self._state, self._settings

@@ -1,0 +1,78 @@
+"""The words that set modes and feed: they change the state for this block and those after it."""
+
+from __future__ import annotations
+
+from planner.gcode import ModalGroup
+from sim.interpreter import canon
+from sim.interpreter.alarms import AlarmNumber, ControlAlarm
+from sim.interpreter.outlet import Outlet
+from sim.interpreter.request import Request
+from sim.interpreter.state import INCH_MM, State
+
+_MODES = {"G60": canon.PathMode.EXACT_STOP, "G64": canon.PathMode.CONTINUOUS, "G641": canon.PathMode.ROUNDING_DISTANCE}
+_PLAIN_MODALS = (
+    (ModalGroup.PLANE, "plane"),
+    (ModalGroup.DIMENSION, "dimension"),
+    (ModalGroup.UNITS, "units"),
+    (ModalGroup.WORK_OFFSET, "work_offset"),
+    (ModalGroup.COMPENSATION, "compensation"),
+    (ModalGroup.CORNER, "corner"),
+    (ModalGroup.FEED_CORRECTION, "feed_correction"),
+    (ModalGroup.SPLINE_START, "spline_start"),
+    (ModalGroup.SPLINE_END, "spline_end"),
+)
+
+
+def set_modes(request: Request, state: State, outlet: Outlet) -> None:
+    """The modal codes of a block, and the path mode with its distance and tolerance."""
+    for group, attribute in _PLAIN_MODALS:
+        code = request.code(group)
+        if code is not None:
+            setattr(state, attribute, code)
+    area = request.code(ModalGroup.WORKING_AREA)
+    if area is not None:
+        state.is_area_limited = area == "WALIMON"
+    acceleration = request.code(ModalGroup.ACCELERATION)
+    if acceleration is not None and acceleration != state.acceleration:
+        state.acceleration = acceleration
+        outlet.put(canon.SetJerkLimit(request.block.line, request.block.number, acceleration == "SOFT"))
+    _path_mode(request, state, outlet)
+
+
+def _path_mode(request: Request, state: State, outlet: Outlet) -> None:
+    factor = INCH_MM if state.is_inch else 1.0
+    distance, tolerance = request.take("ADIS"), request.take("CTOL")
+    if distance is not None:
+        state.rounding_distance_mm = distance * factor
+    if tolerance is not None:
+        state.contour_tolerance_mm = tolerance * factor if tolerance >= 0 else None
+    code = request.code(ModalGroup.PATH_MODE)
+    changes = (distance is not None and state.path_mode == "G641") or (
+        tolerance is not None and state.path_mode not in ("G60", "G64", "G641")
+    )
+    if code is None and not changes:
+        return
+    state.path_mode = code or state.path_mode
+    mode = _MODES.get(state.path_mode, canon.PathMode.ROUNDING_TOLERANCE)
+    by_mode = {
+        canon.PathMode.ROUNDING_DISTANCE: state.rounding_distance_mm,
+        canon.PathMode.ROUNDING_TOLERANCE: state.contour_tolerance_mm,
+    }
+    outlet.put(canon.SetPathMode(request.block.line, request.block.number, mode, by_mode.get(mode)))
+
+
+def set_feed(request: Request, state: State) -> None:
+    """Feed type and F; a new type forgets the feed. Raises ControlAlarm for an F that is none."""
+    feed_type = request.code(ModalGroup.FEED_TYPE)
+    if feed_type is not None and feed_type != state.feed_type:
+        state.feed_type, state.feed = feed_type, None
+    if request.code(ModalGroup.ONE_SHOT) == "G4":
+        return
+    feed = request.take("F")
+    if feed is None:
+        if state.feed_type == "G93":
+            state.feed = None
+        return
+    if feed <= 0:
+        raise ControlAlarm(AlarmNumber.NO_FEED, f"F{feed:g} is no feed; a value above 0 is expected")
+    state.feed = feed
