@@ -110,12 +110,13 @@ def test_resume_where_an_aborted_job_was_in_doubt(tmp_path: Path) -> None:
             assert sending.finish()[0] == 7
             doubt = sending.report()["in_doubt"]
         assert isinstance(doubt, list)
-        with SendProcess(tmp_path, program, peer.pty, *options, "--resume", "--yes") as again:
-            code, words = again.finish()
-            if sending.report()["is_block_cut"]:
-                assert (code, "--control-was-reset" in words) == (9, True)
-        extra = ("--resume", "--yes", "--control-was-reset")
-        with SendProcess(tmp_path, program, peer.pty, *options, *extra) as resumed:
+        resume = (*options, "--resume", "--yes")
+        if sending.report()["is_block_cut"]:
+            with SendProcess(tmp_path, program, peer.pty, *resume) as refused:
+                code, words = refused.finish()
+            assert (code, "--control-was-reset" in words) == (9, True)
+            resume = (*resume, "--control-was-reset")
+        with SendProcess(tmp_path, program, peer.pty, *resume) as resumed:
             assert resumed.finish()[0] == 0
             restart = resumed.report()["restart"]
     assert isinstance(restart, dict)
