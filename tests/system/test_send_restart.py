@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.helpers.line import PeerProcess, SendProcess
-from tests.system.test_send import wait_for_state
+from tests.helpers.sending import wait_for_state
 
 pytestmark = pytest.mark.system
 HEAD = ["%_N_PART_MPF", ";CONTROL=sinumerik-840d REFERENCE=tip", "G17 G40 G64 G71 G90 G94", "G54", "T2 M6", "D1"]

@@ -1,0 +1,46 @@
+"""What the tests of `dnc send` share: a program, the report against its schema, a look at the running job."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+from pathlib import Path
+
+import jsonschema
+
+from tests.helpers.line import runtime_of
+
+SCHEMA = json.loads((Path(__file__).parents[2] / "docs/schemas/send.schema.json").read_text())
+FAST = "--baud=38400"
+
+
+def program_at(folder: Path, blocks: int = 100, end: bytes = b"M30\n") -> Path:
+    path = folder / "part.mpf"
+    path.write_bytes(b"".join(b"N%d G1 X%d.%03d\n" % (n * 10, n, n) for n in range(1, blocks + 1)) + end)
+    return path
+
+
+def checked(report: dict[str, object]) -> dict[str, object]:
+    jsonschema.validate(report, SCHEMA)
+    return report
+
+
+def wait_for_state(folder: Path, *wanted: str, sent: int = 1) -> dict[str, object]:
+    """Watch the job's socket until it is in one of these states with this many bytes sent."""
+    sockets = runtime_of(folder) / "dnc"
+    for _ in range(2000):
+        found = list(sockets.glob("job-*.sock")) if sockets.is_dir() else []
+        if found:
+            break
+        signal.sigtimedwait([], 0.01)
+    with socket.socket(socket.AF_UNIX) as watcher:
+        watcher.settimeout(20)
+        watcher.connect(str(found[0]))
+        with watcher.makefile("rb") as lines:
+            for line in lines:
+                values = json.loads(line)
+                if values["state"] in wanted and values["bytes_sent"] >= sent:
+                    assert isinstance(values, dict)
+                    return values
+    raise AssertionError(f"never {wanted}")

@@ -1,0 +1,125 @@
+"""What the operator does to a running `dnc send`: signals, orders over its socket, a kill (5.7)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import signal
+import socket
+from pathlib import Path
+
+import pytest
+
+from dnc.journal import read_journal
+from tests.helpers.line import PeerProcess, SendProcess, runtime_of
+from tests.helpers.sending import FAST, checked, program_at, wait_for_state
+
+pytestmark = pytest.mark.system
+
+
+def test_sigint_stops_purges_and_tells(tmp_path: Path) -> None:
+    """(1.3, 5.7; fault C10) Exit 7, window, journal ABORTED; the next start asks for a reset of the control."""
+    program = program_at(tmp_path, 300)
+    with PeerProcess(quiet_s=0) as peer:
+        with SendProcess(tmp_path, program, peer.pty) as sending:
+            wait_for_state(tmp_path, "SENDING", sent=500)
+            sending.child.send_signal(signal.SIGINT)
+            code, words = sending.finish()
+        report = checked(sending.report())
+        assert (code, report["outcome"]) == (7, "ABORTED")
+        assert "in doubt from line 1 (N10)" in words
+        journal = next((tmp_path / "state/dnc/jobs").glob("*/journal"))
+        last = read_journal(journal)[-1]
+        assert (last.state.value, last.sent_bytes) == ("ABORTED", report["bytes_sent"])
+        with SendProcess(tmp_path, program, peer.pty) as again:
+            code, words = again.finish()
+        assert code == 9
+        assert "--control-was-reset" in words
+        assert 0 <= report["bytes_sent"] - peer.stop()["bytes_received"] <= 3  # type: ignore[operator]
+
+
+def test_sigterm_pauses_at_a_block_end(tmp_path: Path) -> None:
+    """(1.3; fault H7) Exit 143 within 2 s, no block cut."""
+    with (
+        PeerProcess(quiet_s=0.3) as peer,
+        SendProcess(tmp_path, program_at(tmp_path, 300), peer.pty) as sending,
+    ):
+        wait_for_state(tmp_path, "SENDING", sent=500)
+        sending.child.send_signal(signal.SIGTERM)
+        code, _ = sending.finish(timeout_s=5)
+        seen = peer.report()
+    report = checked(sending.report())
+    assert (code, report["outcome"], report["is_block_cut"]) == (143, "PAUSED", False)
+    assert seen["bytes_received"] == report["bytes_sent"]
+
+
+def test_sigterm_while_held_ends_in_time(tmp_path: Path) -> None:
+    """(fault H7) Held in the middle of a block: after 2 s the job is aborted, and the report says that it is cut."""
+    with (
+        PeerProcess(baud=38400, buffer_bytes=401, eat_bytes_s=0.001, never_xon=1) as peer,
+        SendProcess(tmp_path, program_at(tmp_path, 300), peer.pty, FAST) as sending,
+    ):
+        wait_for_state(tmp_path, "HELD")
+        sending.child.send_signal(signal.SIGTERM)
+        code, _ = sending.finish(timeout_s=6)
+    report = checked(sending.report())
+    assert code == 143
+    assert report["outcome"] == ("ABORTED" if report["is_block_cut"] else "PAUSED")
+
+
+def test_sighup_changes_nothing(tmp_path: Path) -> None:
+    """(fault O2) A lost terminal is no reason to stop cutting."""
+    program = program_at(tmp_path)
+    with PeerProcess(quiet_s=0.5) as peer, SendProcess(tmp_path, program, peer.pty) as sending:
+        wait_for_state(tmp_path, "SENDING")
+        sending.child.send_signal(signal.SIGHUP)
+        assert sending.finish()[0] == 0
+        assert peer.report()["bytes_received"] == program.stat().st_size
+
+
+def test_kill_9_leaves_a_bound(tmp_path: Path) -> None:
+    """(decision 8; fault H1) Whatever reached the control lies within the last durable bound."""
+    with PeerProcess(quiet_s=0.5) as peer, SendProcess(tmp_path, program_at(tmp_path, 800), peer.pty) as sending:
+        wait_for_state(tmp_path, "SENDING", sent=700)
+        sending.child.kill()
+        sending.child.wait(10)
+        seen = peer.report()
+    last = read_journal(next((tmp_path / "state/dnc/jobs").glob("*/journal")))[-1]
+    assert 700 <= seen["bytes_received"] <= last.bound_bytes  # type: ignore[operator]
+    assert last.state.value == "SENDING"
+
+
+def test_orders_over_the_socket(tmp_path: Path) -> None:
+    """(5.7; faults O6, O8) One watcher holds the lease and pauses; another is refused; leaving changes nothing."""
+    program = program_at(tmp_path, 100)
+    with PeerProcess(quiet_s=2.0) as peer, SendProcess(tmp_path, program, peer.pty) as sending:
+        wait_for_state(tmp_path, "SENDING")
+        path = str(next((runtime_of(tmp_path) / "dnc").glob("job-*.sock")))
+        with socket.socket(socket.AF_UNIX) as one, socket.socket(socket.AF_UNIX) as two:
+            for watcher in (one, two):
+                watcher.settimeout(10)
+                watcher.connect(path)
+            assert ordered(two, "pause")["answer"] == "refused"
+            assert ordered(one, "lease")["answer"] == "ok"
+            assert ordered(two, "lease")["answer"] == "refused"
+            assert ordered(one, "fly")["answer"] == "refused"
+            assert ordered(one, "pause")["answer"] == "ok"
+            paused = wait_for_state(tmp_path, "PAUSED")
+            assert paused["window"]
+            assert ordered(one, "resume")["answer"] == "ok"
+            wait_for_state(tmp_path, "SENDING", "SENT")
+        assert sending.finish()[0] == 0
+        assert peer.report()["sha256"] == hashlib.sha256(program.read_bytes()).hexdigest()
+
+
+def ordered(watcher: socket.socket, word: str) -> dict[str, object]:
+    watcher.sendall(json.dumps({"do": word}).encode() + b"\n")
+    pending = b""
+    while True:
+        pending += watcher.recv(65536)
+        *lines, pending = pending.split(b"\n")
+        for line in lines:
+            values = json.loads(line)
+            if "answer" in values:
+                assert isinstance(values, dict)
+                return values
