@@ -16,10 +16,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from planner.errors import SettingsRejected, UserError
 from sim.clock import MachineClock
 from sim.endpoint_modbus import ModbusEnd
-from sim.interpreter.canon import Motion
+from sim.interpreter.canon import Motion, Vector
 from sim.live import LiveMill
 from sim.messages import Failed, Finish, Heard, Ready, Result, Start, Wire
 from sim.mill import rehearse
@@ -71,7 +73,8 @@ def _work(wire: Wire, setup: Setup) -> None:
         if log is not None:
             log.close()
     if not wire.is_closed:
-        report = _report(mill, peaks) | measuring.measure(mill.machine.travelled)
+        dwells_mm = [one.position_mm for one in mill.machine.starved]
+        report = _report(mill, peaks) | measuring.measure(mill.machine.travelled, dwells_mm)
         wire.send(Result(json.dumps(report, default=float)))
 
 
@@ -142,7 +145,7 @@ class _Measuring:
     """What the design is good for: how far the tip lies below the programmed point, and the keys of the verdict."""
 
     tip_below_mm: float
-    measure: Callable[[Sequence[Motion]], dict[str, Any]]
+    measure: Callable[[Sequence[Motion], Sequence[Vector]], dict[str, Any]]
 
 
 def _measuring(setup: Setup) -> _Measuring:
@@ -152,7 +155,7 @@ def _measuring(setup: Setup) -> _Measuring:
     loaded before the run, so that a missing library is known before an hour of cutting and not after it.
     """
     if setup.nominal is None:
-        return _Measuring(0.0, lambda _: {})
+        return _Measuring(0.0, lambda _travelled, _dwells_mm: {})
     if setup.plot is not None:
         from sim.plot import require_drawing
 
@@ -162,14 +165,17 @@ def _measuring(setup: Setup) -> _Measuring:
     from sim.tool import tool_of
 
     nominal = load_nominal(setup.nominal)
+    tip_below_mm = nominal.cutter.corner_mm if nominal.reference == "centre" else 0.0
 
-    def measured(travelled: Sequence[Motion]) -> dict[str, Any]:
+    def measured(travelled: Sequence[Motion], dwells_mm: Sequence[Vector]) -> dict[str, Any]:
         tool, pitch_mm = tool_of(nominal.cutter), setup.probe_pitch_mm
         verdict = judge(nominal, tool, travelled, reference=nominal.reference, probe_pitch_mm=pitch_mm)
         if setup.plot is not None:
             from sim.plot import plot_deviation
 
-            plot_deviation(verdict, setup.plot)
+            # Above the highest point of the part the tool stands in air and marks nothing.
+            top_mm = tip_below_mm + max(float(np.nanmax(mapped.net.points[..., 2])) for mapped in verdict.maps)
+            plot_deviation(verdict, setup.plot, [dwell for dwell in dwells_mm if dwell[2] <= top_mm])
         return verdict.report()
 
-    return _Measuring(nominal.cutter.corner_mm if nominal.reference == "centre" else 0.0, measured)
+    return _Measuring(tip_below_mm, measured)

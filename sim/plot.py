@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from sim.deviation import PatchMap, Verdict
 from sim.errors import InputRejected, UserError
+from sim.interpreter.canon import Vector
 from sim.section import section_at
 from sim.stock import stock_after
 
@@ -29,9 +31,10 @@ def require_drawing() -> None:
         raise PlotUnavailable("matplotlib is not installed; pip install 'dripmill[plot]'") from None
 
 
-def plot_deviation(verdict: Verdict, path: Path) -> None:
+def plot_deviation(verdict: Verdict, path: Path, dwells_mm: Sequence[Vector] = ()) -> None:
     """Deviation map, histogram, the stock as cut and a section through the highest scallop, as one PNG.
 
+    `dwells_mm` are the places where the tool stood for want of blocks: each may have left a mark.
     Raises PlotUnavailable without matplotlib, InputRejected if the file cannot be written.
     """
     require_drawing()
@@ -42,6 +45,8 @@ def plot_deviation(verdict: Verdict, path: Path) -> None:
     FigureCanvasAgg(figure)
     (plan, side), (relief, section) = figure.subplots(2, 2, width_ratios=[3, 2])
     _draw_map(figure, plan, verdict)
+    if dwells_mm:
+        _draw_dwells(plan, dwells_mm)
     _draw_histogram(side, verdict)
     _draw_stock(relief, verdict)
     _draw_section(section, verdict)
@@ -77,6 +82,13 @@ def _draw_map(figure: Any, axes: Any, verdict: Verdict) -> None:
         f"covered {verdict.coverage * 100:.2f} %; grey: not reached"
         + (f"; yellow: this cutter cannot, {verdict.inaccessible * 100:.2f} %" if verdict.inaccessible > 0 else "")
     )
+
+
+def _draw_dwells(axes: Any, dwells_mm: Sequence[Vector]) -> None:
+    x, y = np.array(dwells_mm)[:, :2].T
+    words = f"tool stood here {len(x)} times for want of blocks: risk of a mark"
+    axes.plot(x, y, "s", color="black", markerfacecolor="gold", markersize=4, linestyle="none", label=words)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), frameon=False)
 
 
 def _plan(mapped: PatchMap) -> tuple[Floats, Floats, Floats]:

@@ -92,6 +92,19 @@ def test_picture_is_a_png(verdict: Verdict, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_picture_shows_where_the_tool_stood(verdict: Verdict, tmp_path: Path) -> None:
+    """(7.4) A wait for blocks is a yellow square on the map, at its place, and the picture says how many there are."""
+    plain, marked = tmp_path / "plain.png", tmp_path / "marked.png"
+    plot_deviation(verdict, plain)
+    plot_deviation(verdict, marked, [(3.0, 2.0, R), (7.0, 5.0, R)])
+    pixels = [np.round(255 * matplotlib.image.imread(path)[:, :, :3]) for path in (plain, marked)]
+    gold = [(picture == (255, 215, 0)).all(axis=2) for picture in pixels]
+    assert not gold[0].any()
+    rows, columns = np.nonzero(gold[1])
+    first, second = columns < np.median(columns), columns > np.median(columns)
+    assert rows[first].mean() > rows[second].mean() + 20
+
+
 def test_page_cannot_be_broken_by_the_program(verdict: Verdict) -> None:
     """(3.5) What looks like HTML in the program stays text."""
     program = b"N10 ;</script><script>alert(1)</script>\n"
