@@ -49,9 +49,12 @@ class Publisher:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o750)
             listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
-            _bind(listener, self.path)
-            self.path.chmod(0o660)
+            # Under its own name only when it listens with its rights: whoever finds it can connect.
+            unheard = self.path.with_name(f".{self.path.name}")
+            _bind(listener, unheard)
+            unheard.chmod(0o660)
             listener.listen(8)
+            unheard.rename(self.path)
         except OSError:
             return
         self._listener = listener
