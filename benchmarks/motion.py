@@ -1,7 +1,8 @@
 """Speed of the virtual mill's motion: `python -m benchmarks.motion` (7.5).
 
 A program of 100,000 straight blocks of 0.2 mm over a wave, interpreted and moved, under G64 and G642; the first run
-of each, shorter, warms up.
+of each, shorter, warms up. What is timed ends at the motion log; the motions as made, which only a verdict on the part
+needs, are timed apart.
 """
 
 from __future__ import annotations
@@ -27,7 +28,13 @@ def main() -> None:
             begin_s = time.perf_counter()
             machining_s = rehearse(data, profile).machining_time_s
             best_s = min(best_s, time.perf_counter() - begin_s)
-        print(f"{mode}: {BLOCKS / best_s:.0f} blocks/s, {machining_s / best_s:.0f} times as fast as the machine")
+        begin_s = time.perf_counter()
+        made = len(rehearse(data, profile).travelled)
+        made_s = time.perf_counter() - begin_s - best_s
+        print(
+            f"{mode}: {BLOCKS / best_s:.0f} blocks/s, {machining_s / best_s:.0f} times as fast as the machine; "
+            f"{made} motions as made in {made_s:.2f} s more"
+        )
 
 
 def program(mode: str, blocks: int) -> bytes:

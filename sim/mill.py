@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from sim.interpreter import canon
-from sim.interpreter.run import holds_block, interpret
+from sim.interpreter.run import count_blocks, interpret_bulk
 from sim.interpreter.settings import G28, KnotRule, Settings, Tool
 from sim.motion.machine import Machine, MachineState, Samples, StarvedInterval
 from sim.profile import MillProfile
@@ -17,22 +18,27 @@ from sim.profile import MillProfile
 _WAITS_FOR_OPERATOR = (MachineState.PROGRAM_STOPPED, MachineState.OPTIONAL_STOP)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Recording:
-    """What came of a program: its commands, the motion log, the motions as made, and what the control complained of.
+    """What came of a program: its commands, the motion log, and what the control complained of.
 
     `machining_time_s` runs from the first block to the end; programmed stops count no time. `blocks` are the blocks
     that were read, blank lines not counted.
     """
 
-    commands: Sequence[canon.Command]
+    commands: Sequence[canon.Command | canon.LineRun]
     samples: Samples
-    travelled: Sequence[canon.Motion]
     starved: Sequence[StarvedInterval]
     alarms: Sequence[canon.Alarm]
     machining_time_s: float
     blocks: int
     is_completed: bool
+    machine: Machine = field(repr=False, compare=False)
+
+    @cached_property
+    def travelled(self) -> Sequence[canon.Motion]:
+        """The motions as made, roundings included; worked out when first asked for."""
+        return self.machine.travelled
 
 
 def settings_of(
@@ -56,7 +62,7 @@ def rehearse(
     tool_radii_mm: Mapping[int, float] | None = None,
 ) -> Recording:
     """Interpret and cut a whole program with a buffer that never runs dry; cycle start follows every stop at once."""
-    commands = list(interpret(data, settings_of(profile, is_drip_fed=False, tool_radii_mm=tool_radii_mm)))
+    commands = list(interpret_bulk(data, settings_of(profile, is_drip_fed=False, tool_radii_mm=tool_radii_mm)))
     machine = Machine(profile, profile.block_cycle_s)
     machine.set_override(override_percent)
     for command in commands:
@@ -66,21 +72,19 @@ def rehearse(
     while machine.snapshot().state in _WAITS_FOR_OPERATOR:
         machine.cycle_start()
         parts.append(machine.advance(math.inf))
-    travelled = machine.travelled
     samples = _joined(parts)
-    if travelled:
-        samples, _ = standing_at(samples, travelled[0].start)
+    if machine.start_mm is not None:
+        samples, _ = standing_at(samples, machine.start_mm)
     last_line = max((command.line for command in commands if isinstance(command, canon.End | canon.Alarm)), default=0)
-    lines = data.split(b"\n")[: last_line or None]
     return Recording(
         commands=commands,
         samples=samples,
-        travelled=travelled,
         starved=machine.starved,
         alarms=[command for command in commands if isinstance(command, canon.Alarm)],
         machining_time_s=machine.time_s,
-        blocks=sum(map(holds_block, lines)),
+        blocks=count_blocks(data, last_line),
         is_completed=machine.snapshot().state is MachineState.COMPLETED,
+        machine=machine,
     )
 
 
@@ -98,6 +102,8 @@ def standing_at(samples: Samples, start: canon.Vector) -> tuple[Samples, bool]:
 
 
 def _joined(parts: Sequence[Samples]) -> Samples:
+    if len(parts) == 1:
+        return parts[0]
     return Samples(
         t_s=np.concatenate([part.t_s for part in parts]),
         position_mm=np.concatenate([part.position_mm for part in parts]),

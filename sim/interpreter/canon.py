@@ -62,15 +62,25 @@ class LineRun:
     @property
     def last(self) -> Line:
         """The last cut; a run is never empty."""
-        start = self.start if len(self) == 1 else self.ends[-2].tolist()
-        x, y, z = self.ends[-1].tolist()
-        block = int(self.blocks[-1])
+        return self.cut(len(self) - 1)
+
+    def cut(self, index: int) -> Line:
+        """One of the cuts, from 0."""
+        start = self.start if index == 0 else self.ends[index - 1].tolist()
+        x, y, z = self.ends[index].tolist()
+        block = int(self.blocks[index])
         return Line(
-            int(self.lines[-1]),
+            int(self.lines[index]),
             None if block < 0 else block,
             (start[0], start[1], start[2]),
             (x, y, z),
-            float(self.feeds[-1]),
+            float(self.feeds[index]),
+        )
+
+    def after(self, count: int) -> LineRun:
+        """What follows the first `count` cuts, fewer than all."""
+        return LineRun(
+            self.lines[count:], self.blocks[count:], self.cut(count).start, self.ends[count:], self.feeds[count:]
         )
 
     def expand(self) -> Iterator[Line]:

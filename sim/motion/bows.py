@@ -9,12 +9,13 @@ they are tabulated over the turn once. Derivation and check: sim/motion/MODEL.md
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.interpreter.canon import Line, Motion, Polynomial, Rapid
+from sim.motion.columns import with_room
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -106,12 +107,9 @@ class Bows:
             ("_turn", turn),
             ("_length", length),
         ):
-            column = getattr(self, name)
-            if len(column) < new:
-                grown = np.zeros((max(2 * len(column), new), *column.shape[1:]))
-                grown[: self.count] = column[: self.count]
-                setattr(self, name, grown)
-            getattr(self, name)[self.count : new] = rows
+            column = with_room(getattr(self, name), self.count, new)
+            column[self.count : new] = rows
+            setattr(self, name, column)
         self.count = new
         return length, bounds, size / 2.0
 
@@ -143,22 +141,16 @@ class Bows:
         after = t**3 * (2.0 - t)
         return np.asarray(self._corner[index] - before * self._before[index] + after * self._after[index])
 
-    def part(self, index: int, to_mm: float, after: Motion) -> Motion:
-        """The rounding up to `to_mm` as a canonical motion with feed and source of the motion after the corner."""
-        corner, b, a = self._corner[index], self._before[index], self._after[index]
-        length = 1.0 if to_mm >= self._length[index] else float(self.parameter(np.array([index]), np.array([to_mm]))[0])
-        turn = a - b
-        rows = (corner - b, 2.0 * b, 0.0 * b, 2.0 * turn, -turn)
-        end = np.sum([row * length**k for k, row in enumerate(rows)], axis=0)
-        coefficients = tuple((float(x), float(y), float(z)) for x, y, z in rows)
-        target = (float(end[0]), float(end[1]), float(end[2]))
-        if isinstance(after, Rapid):
-            return Rapid(after.line, after.block, coefficients[0], target)
-        feed = after.feed_mm_min
-        if length <= 0.0:
-            return Line(after.line, after.block, coefficients[0], coefficients[0], feed)
-        return Polynomial(after.line, after.block, coefficients[0], target, coefficients, (1.0,), length, feed)
+    def parts(self, index: Indices, to_mm: Array) -> Iterator[tuple[list[list[float]], float, list[float]]]:
+        """The roundings `index` (n,) up to these arc lengths (n,): coefficients, parameter and point of the end.
 
-    def length_mm(self, index: int) -> float:
-        """Arc length of this rounding."""
-        return float(self._length[index])
+        Coefficients are five vectors in mm, lowest power first, of a parameter that begins at 0.
+        """
+        corner, b, turn = self._corner[index], self._before[index], self._after[index] - self._before[index]
+        whole = to_mm >= self._length[index]
+        lengths = np.where(whole, 1.0, self.parameter(index, to_mm))
+        rows = np.stack([corner - b, 2.0 * b, np.zeros_like(b), 2.0 * turn, -turn], axis=1)
+        ends = np.zeros_like(b)
+        for k in range(4, -1, -1):
+            ends = ends * lengths[:, None] + rows[:, k]
+        return zip(rows.tolist(), lengths.tolist(), ends.tolist(), strict=True)

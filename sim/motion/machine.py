@@ -9,18 +9,18 @@ give the same motion, live or not.
 from __future__ import annotations
 
 import math
-from collections import deque
 
 import numpy as np
 
 from sim.interpreter import canon
-from sim.interpreter.canon import Command, Motion, Vector
+from sim.interpreter.canon import Command, LineRun, Motion, Vector
 from sim.motion import law
 from sim.motion.fast import can_compile, time_law
 from sim.motion.limits import axis_limits
 from sim.motion.path import Path
 from sim.motion.prepare import Preparation
 from sim.motion.record import Recorder
+from sim.motion.travelled import travelled
 from sim.motion.values import (
     Array,
     Indices,
@@ -89,7 +89,7 @@ class Machine:
     def _begin(self) -> None:
         """An empty path and nothing queued: the state after power-on and after a reset."""
         self._path = Path(self._axes, self._times.overload, self._speed_error, self._times.same_place_mm)
-        self._pending: deque[Command] = deque()
+        self._pending: list[Command | LineRun] = []
         self._preparation = Preparation(self._times.rounding_mm, stops_at_optional=self._stops_at_optional)
         self._law = np.zeros(law.STATE_SIZE)
         self._is_at_stop = True
@@ -100,8 +100,8 @@ class Machine:
 
     # --- what is asked of it
 
-    def offer(self, command: Command) -> None:
-        """Queue an interpreted command."""
+    def offer(self, command: Command | LineRun) -> None:
+        """Queue an interpreted command, or a run of straight cuts."""
         self._pending.append(command)
 
     def close(self) -> None:
@@ -180,7 +180,12 @@ class Machine:
     @property
     def roundings(self) -> list[Rounding]:
         """Every rounded corner with the deviation it made, planned ones included."""
-        return self._roundings + self._path.roundings()
+        return self._roundings + self._path.track.roundings()
+
+    @property
+    def start_mm(self) -> Vector | None:
+        """Where the first motion known begins."""
+        return self._path.moves[0].start if len(self._path.moves) else None
 
     @property
     def travelled(self) -> list[Motion]:
@@ -222,7 +227,7 @@ class Machine:
             return
         if self._state is MachineState.READY:
             self._state = MachineState.ACTIVE
-        runs = self._preparation.take(self._pending, len(self._path.motions), is_single_block=self._is_single_block)
+        runs = self._preparation.take(self._pending, len(self._path.moves), is_single_block=self._is_single_block)
         self._pending.clear()
         if runs:
             first = self._path.add(runs, self._committed_mm())
@@ -294,7 +299,7 @@ class Machine:
 
     def _finish_reset(self) -> None:
         self._travelled += self._path_so_far()
-        self._roundings += self._path.roundings()
+        self._roundings += self._path.track.roundings()
         self._blocks_before += self._ordinal()
         self._begin()
         self._spindle_rpm = 0.0
@@ -319,7 +324,7 @@ class Machine:
             self._law[law.PIECE] = self._law[law.HORIZON] = next_piece
             self._is_at_stop = False
             self._mark_single_block()
-            motion = self._path.motions[rows.ordinals[next_piece]]
+            motion = self._path.moves[int(rows.ordinals[next_piece])]
             if self._record.is_new:
                 self._position = motion.start
             return True
@@ -355,11 +360,11 @@ class Machine:
             log_v,
             log_piece,
         )
-        points = self._path.positions(log_s[:done], log_piece[:done])
+        points = self._path.track.positions(log_s[:done], log_piece[:done])
         piece = int(log_piece[done - 1])
         has_landed = self._law[law.V] == 0.0 and log_s[done - 1] == rows.ends[piece]
         if has_landed:
-            end = self._path.motions[rows.ordinals[piece]].end
+            end = self._path.moves[int(rows.ordinals[piece])].end
             if np.max(np.abs(points[-1] - end)) <= self._times.same_place_mm:
                 points[-1] = end
         self._log(points, log_v[:done], rows.ordinals[log_piece[:done]])
@@ -370,12 +375,8 @@ class Machine:
             self._arrive(int(rows.ordinals[piece]))
 
     def _log(self, points: Array, speeds: Array, ordinals: Indices) -> None:
-        """Log steps on the motions of these numbers, which never decrease."""
-        low = int(ordinals[0])
-        spoken = self._path.motions[low : int(ordinals[-1]) + 1]
-        lines = np.array([motion.line for motion in spoken], dtype=np.int64)
-        blocks = np.array([-1 if motion.block is None else motion.block for motion in spoken], dtype=np.int64)
-        self._record.move(points, speeds * 60.0, lines[ordinals - low], blocks[ordinals - low])
+        """Log steps on the motions of these numbers."""
+        self._record.move(points, speeds * 60.0, *self._path.moves.sources(ordinals))
         self._position = (float(points[-1, 0]), float(points[-1, 1]), float(points[-1, 2]))
 
     def _arrive(self, ordinal: int) -> None:
@@ -439,16 +440,17 @@ class Machine:
         if not self._is_at_stop:
             return int(rows.ordinals[int(self._law[law.PIECE])])
         following = int(np.searchsorted(rows.ends[: rows.count], self._law[law.S], side="right"))
-        return int(rows.ordinals[following]) if following < rows.count else len(self._path.motions)
+        return int(rows.ordinals[following]) if following < rows.count else len(self._path.moves)
 
     def _motion(self) -> Motion | None:
         ordinal = self._ordinal()
-        if self._is_at_stop or ordinal >= len(self._path.motions):
+        if self._is_at_stop or ordinal >= len(self._path.moves):
             return None
-        return self._path.motions[ordinal]
+        return self._path.moves[ordinal]
 
     def _queued(self) -> int:
-        return len(self._pending) + len(self._path.motions) - self._ordinal()
+        waiting = sum(len(each) if isinstance(each, LineRun) else 1 for each in self._pending)
+        return waiting + len(self._path.moves) - self._ordinal()
 
     def _path_so_far(self) -> list[Motion]:
-        return self._path.travelled(float(self._law[law.S]))
+        return travelled(self._path.track, float(self._law[law.S]))

@@ -14,19 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.interpreter.canon import Line, Motion, PathMode, Rapid
+from sim.interpreter.canon import Line, LineRun, Motion, PathMode, Rapid
 from sim.motion.blend import round_corner
-from sim.motion.bows import Bows
-from sim.motion.limits import OVERRIDE_TOP, AxisLimits, Shares, bend_speed, curve_pieces, curved_limits, straight_limits
-from sim.motion.pieces import Pieces
+from sim.motion.limits import OVERRIDE_TOP, AxisLimits, bend_speed
 from sim.motion.shapes import LineShape, Shape, shape_of
-from sim.motion.straight import Legs, Modal, corners_of, feed_mm_s, legs_of
-from sim.motion.values import Rounding, StopReason
+from sim.motion.straight import Modal, corners_of, feed_mm_s, legs_of
+from sim.motion.track import Track
+from sim.motion.values import StopReason
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-
-_STRAIGHT = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +33,7 @@ class Run:
     `is_after_stop`: something before the first makes the axes stand; `is_exact_stop`: the last ends with one.
     """
 
-    motions: Sequence[Motion]
+    motions: Sequence[Motion] | LineRun
     modal: Modal
     is_after_stop: bool
     is_exact_stop: bool
@@ -68,12 +65,8 @@ class Path:
         self._same_place_mm = same_place_mm
         self._is_after_stop = self._is_extra_stop = False
         self._tail: _Tail | None = None
-        self._bows = Bows()
-        self._shapes: list[Shape] = []
-        self._corners: set[int] = set()
-        self._roundings: list[tuple[int, float]] = []
-        self.pieces = Pieces()
-        self.motions: list[Motion] = []
+        self.track = Track()
+        self.pieces, self.moves = self.track.pieces, self.track.moves
         self.reasons: dict[int, StopReason] = {}
 
     def add(self, runs: Sequence[Run], committed_mm: float) -> int:
@@ -85,38 +78,42 @@ class Path:
         first = self.pieces.count if self._tail is None else self._tail.first_piece
         for run in runs:
             self._is_after_stop |= run.is_after_stop
-            if isinstance(run.motions[0], Line | Rapid):
-                self._add_legs(run, committed_mm)
+            first_ordinal = len(self.moves)
+            self.moves.append(run.motions)
+            if isinstance(run.motions, LineRun) or isinstance(run.motions[0], Line | Rapid):
+                self._add_legs(run, first_ordinal, committed_mm)
             else:
-                self._add_curve(run, committed_mm)
+                self._add_curve(run, first_ordinal, committed_mm)
             if run.is_exact_stop or run.modal.mode is PathMode.EXACT_STOP:
                 self._stop(StopReason.EXACT_STOP)
         return first
 
-    def _add_legs(self, run: Run, committed_mm: float) -> None:
-        moves = [motion for motion in run.motions if isinstance(motion, Line | Rapid)]
-        legs, goes = legs_of(moves, self._axes(run.modal), self._same_place_mm)
-        ordinals = len(self.motions) + np.flatnonzero(goes)
-        self.motions.extend(moves)
+    def _add_legs(self, run: Run, first_ordinal: int, committed_mm: float) -> None:
+        axes, modal = self._axes(run.modal), run.modal
+        moves = run.motions if isinstance(run.motions, LineRun) else _straight(run.motions)
+        legs, goes = legs_of(moves, axes, self._same_place_mm)
+        ordinals = first_ordinal + np.flatnonzero(goes)
         if len(ordinals) == 0:
             return
-        first, last = self.motions[ordinals[0]], self.motions[ordinals[-1]]
-        trim = self._join(first, shape_of(first, self._speed_error), int(ordinals[0]), run.modal, committed_mm)
-        before = self._lay_legs(legs, ordinals, run.modal, trim)
-        self._tail = _Tail(
-            last, shape_of(last, self._speed_error), run.modal, int(ordinals[-1]), self.pieces.count - 1, before
-        )
+        first, last = self.moves[ordinals[0]], self.moves[ordinals[-1]]
+        trim = self._join(first, shape_of(first, self._speed_error), int(ordinals[0]), modal, committed_mm)
+        corners = corners_of(legs, modal, axes, self._overload, self._same_place_mm)
+        stops = corners.are_gaps | corners.are_sharp | (modal.mode is PathMode.EXACT_STOP)
+        for k in np.flatnonzero(stops):
+            self.reasons[int(ordinals[k])] = StopReason.CORNER if corners.are_sharp[k] else StopReason.EXACT_STOP
+        before = self.track.lay_legs(legs, corners, stops, ordinals, axes, trim)
+        shape = shape_of(last, self._speed_error)
+        self._tail = _Tail(last, shape, modal, int(ordinals[-1]), self.pieces.count - 1, before)
 
-    def _add_curve(self, run: Run, committed_mm: float) -> None:
-        motion = run.motions[0]
+    def _add_curve(self, run: Run, ordinal: int, committed_mm: float) -> None:
+        motion = self.moves[ordinal]
         shape = shape_of(motion, self._speed_error)
-        ordinal = len(self.motions)
-        self.motions.append(motion)
         if shape.length_mm <= self._same_place_mm:
             return
         trim = self._join(motion, shape, ordinal, run.modal, committed_mm)
         first_piece = self.pieces.count
-        self._lay(shape, (trim, shape.length_mm), ordinal, run.modal, self._own_limit(motion, shape))
+        stretch = trim, shape.length_mm
+        self.track.lay(shape, stretch, ordinal, self._axes(run.modal), self._own_limit(motion, shape))
         self._tail = _Tail(motion, shape, run.modal, ordinal, first_piece, trim)
 
     # --- joins
@@ -150,9 +147,7 @@ class Path:
             self.pieces.knots[self.pieces.count - 1] = corners.speed[0]
             return 0.0
         self._shorten(tail, reach)
-        length, columns = self._bow_columns(legs, np.zeros(1, dtype=np.int64), corners.reach, axes, np.array([ordinal]))
-        start_mm = self._end_mm()
-        self.pieces.append(1, starts=start_mm, ends=start_mm + length, **columns)
+        self.track.lay_bow(legs, reach, ordinal, axes)
         return reach
 
     def _join_curves(
@@ -185,20 +180,19 @@ class Path:
             self._stop(StopReason.CORNER if corner is None else StopReason.LATE)
             return 0.0
         self._shorten(tail, corner.reach_mm)
-        self._corners.add(len(self._shapes))
         feed = min(feed_mm_s(tail.motion), feed_mm_s(motion))
-        self._lay(corner.shape_for(motion), (0.0, corner.shape.length_mm), ordinal, tail.modal, (feed, np.inf))
-        self._roundings.append((ordinal, corner.deviation_mm))
+        self.track.lay_corner(corner, motion, ordinal, feed, axes)
         return corner.reach_mm
 
     def _comes_late(self, reach_mm: float, committed_mm: float) -> bool:
-        return reach_mm > 0.0 and self._end_mm() - reach_mm < committed_mm and committed_mm > 0.0
+        return reach_mm > 0.0 and self.track.end_mm - reach_mm < committed_mm and committed_mm > 0.0
 
     def _shorten(self, tail: _Tail, reach_mm: float) -> None:
         """Lay the last motion again, without what the rounding after it takes."""
         self.pieces.cut(tail.first_piece)
         stretch = tail.trim_mm, tail.shape.length_mm - reach_mm
-        self._lay(tail.shape, stretch, tail.ordinal, tail.modal, self._own_limit(tail.motion, tail.shape))
+        limit = self._own_limit(tail.motion, tail.shape)
+        self.track.lay(tail.shape, stretch, tail.ordinal, self._axes(tail.modal), limit)
 
     def _stop(self, reason: StopReason | None) -> None:
         """The open end is a stop."""
@@ -209,111 +203,13 @@ class Path:
             self.reasons[self._tail.ordinal] = reason
         self._tail = None
 
-    # --- rows
-
-    def _lay_legs(self, legs: Legs, ordinals: Indices, modal: Modal, trim_mm: float) -> float:
-        """Rows for these legs and the roundings between them; returns what the last rounding takes of the last leg."""
-        axes, count = self._axes(modal), len(legs.lengths)
-        corners = corners_of(legs, modal, axes, self._overload, self._same_place_mm)
-        stops = corners.are_gaps | corners.are_sharp | (modal.mode is PathMode.EXACT_STOP)
-        for k in np.flatnonzero(stops):
-            self.reasons[int(ordinals[k])] = StopReason.CORNER if corners.are_sharp[k] else StopReason.EXACT_STOP
-        before = np.concatenate([[trim_mm], corners.reach])
-        after = np.concatenate([corners.reach, [0.0]])
-        body = {
-            "caps": np.minimum(legs.limits.speed, OVERRIDE_TOP * legs.feeds),
-            "feeds": legs.feeds,
-            "accs": legs.limits.acceleration,
-            "jerks": legs.limits.jerk,
-            "ordinals": ordinals,
-            "origins": legs.starts + before[:, None] * legs.directions,
-            "directions": legs.directions,
-            "shapes": np.full(count, _STRAIGHT, dtype=np.int64),
-            "offsets": before,
-            "knots": np.concatenate([np.where(corners.reach > 0.0, np.inf, corners.speed), [np.inf]]),
-            "stops": np.concatenate([stops, [False]]).astype(np.int64),
-        }
-        lengths = legs.lengths - before - after
-        rows = np.flatnonzero(corners.reach > 0.0)
-        if len(rows):
-            bow_lengths, bows = self._bow_columns(legs, rows, corners.reach, axes, ordinals[rows + 1])
-            at = rows + 1
-            lengths = np.insert(lengths, at, bow_lengths)
-            body = {name: np.insert(column, at, bows[name], axis=0) for name, column in body.items()}
-        exists = lengths > 1e-12
-        edges = np.cumsum(np.concatenate([[self._end_mm()], lengths[exists]]))
-        columns = {name: column[exists] for name, column in body.items()}
-        self.pieces.append(len(edges) - 1, starts=edges[:-1], ends=edges[1:], **columns)
-        return float(before[-1])
-
-    def _bow_columns(
-        self, legs: Legs, rows: Indices, reach: Array, axes: AxisLimits, ordinals: Indices
-    ) -> tuple[Array, dict[str, Array | Indices]]:
-        """Lengths and columns of the roundings after the legs `rows`; they belong to the motions `ordinals`."""
-        index = self._bows.count + np.arange(len(rows))
-        d = reach[rows]
-        length, bounds, half_sine = self._bows.append(
-            legs.ends[rows], legs.directions[rows], legs.directions[rows + 1], d
-        )
-        feed = np.minimum(legs.feeds[rows + 1], legs.feeds[rows])
-        limits = curved_limits(*bounds, np.minimum(feed, np.max(axes.speed)), axes, Shares())
-        self._roundings.extend(zip(ordinals.tolist(), (0.375 * d * half_sine).tolist(), strict=True))
-        none = np.zeros((len(rows), 3))
-        return length, {
-            "caps": np.minimum(limits.speed, OVERRIDE_TOP * feed),
-            "feeds": feed,
-            "accs": limits.acceleration,
-            "jerks": limits.jerk,
-            "ordinals": ordinals,
-            "origins": none,
-            "directions": none,
-            "shapes": -2 - index,
-            "offsets": np.zeros(len(rows)),
-            "knots": np.full(len(rows), np.inf),
-            "stops": np.zeros(len(rows), dtype=np.int64),
-        }
-
-    def _lay(
-        self, shape: Shape, stretch_mm: tuple[float, float], ordinal: int, modal: Modal, limit: tuple[float, float]
-    ) -> None:
-        """Rows for this stretch of one shape; `limit`: its feed, and the speed at which a block lasts a cycle, mm/s."""
-        axes, (from_mm, to_mm), (feed, block_speed) = self._axes(modal), stretch_mm, limit
-        if to_mm - from_mm <= 1e-12:
-            return
-        origin, direction, index = np.zeros((1, 3)), np.zeros((1, 3)), len(self._shapes)
-        if isinstance(shape, LineShape):
-            index = _STRAIGHT
-            origin, direction = shape.points(np.array([from_mm])), shape.derivatives(np.zeros(1))[0]
-            edges, limits = np.array([from_mm, to_mm]), straight_limits(direction, axes)
-        else:
-            self._shapes.append(shape)
-            edges, limits = curve_pieces(shape.derivatives, from_mm, to_mm, feed, axes, Shares())
-        start_mm = self._end_mm()
-        self.pieces.append(
-            len(edges) - 1,
-            starts=start_mm + edges[:-1] - from_mm,
-            ends=start_mm + edges[1:] - from_mm,
-            offsets=edges[:-1],
-            caps=np.minimum(limits.speed, min(block_speed, OVERRIDE_TOP * feed)),
-            feeds=feed,
-            knots=np.inf,
-            accs=limits.acceleration,
-            jerks=limits.jerk,
-            stops=0,
-            ordinals=ordinal,
-            shapes=index,
-            origins=origin,
-            directions=direction,
-        )
-
     def _own_limit(self, motion: Motion, shape: Shape) -> tuple[float, float]:
         return feed_mm_s(motion), 0.9 * shape.length_mm / self._soft.cycle_s
 
     def _axes(self, modal: Modal) -> AxisLimits:
         return self._soft if modal.is_jerk_limited else self._brisk
 
-    def _end_mm(self) -> float:
-        return float(self.pieces.ends[self.pieces.count - 1]) if self.pieces.count else 0.0
+    # --- single block
 
     def first_end(self, piece: int, path_mm: float) -> int:
         """The first motion from this piece on that ends at or beyond this path length."""
@@ -335,54 +231,6 @@ class Path:
     def _last_row(self, ordinal: int) -> int:
         return int(np.searchsorted(self.pieces.ordinals[: self.pieces.count], ordinal, side="right")) - 1
 
-    # --- what others read
 
-    def positions(self, path_mm: Array, piece: Indices) -> Array:
-        """Points (n, 3), mm, at these path lengths on these pieces."""
-        rows = self.pieces
-        local = path_mm - rows.starts[piece]
-        points = rows.origins[piece] + local[:, None] * rows.directions[piece]
-        curve = rows.shapes[piece]
-        bow = curve < _STRAIGHT
-        if np.any(bow):
-            points[bow] = self._bows.points(-2 - curve[bow], local[bow])
-        for index in np.unique(curve[curve >= 0]):
-            here = curve == index
-            points[here] = self._shapes[index].points(rows.offsets[piece[here]] + local[here])
-        return np.asarray(points)
-
-    def roundings(self) -> list[Rounding]:
-        """Every rounded corner, planned ones included."""
-        return [
-            Rounding(deviation, motion.start, motion.line, motion.block)
-            for motion, deviation in ((self.motions[ordinal], deviation) for ordinal, deviation in self._roundings)
-        ]
-
-    def travelled(self, path_mm: float) -> list[Motion]:
-        """The motions as made up to this path length, roundings included."""
-        rows, done = self.pieces, []
-        count = int(np.searchsorted(rows.starts[: rows.count], path_mm, side="left"))
-        shapes, offsets = rows.shapes[:count], rows.offsets[:count]
-        rounds = (rows.shapes[: rows.count] < _STRAIGHT) | np.isin(rows.shapes[: rows.count], list(self._corners))
-        rounds_next = np.append(rounds, False)[1 : count + 1]
-        whole = (shapes == _STRAIGHT) & (offsets == 0.0) & ~rounds_next & (rows.ends[:count] <= path_mm)
-        is_same = np.append((shapes[1:] == shapes[:-1]) & (shapes[1:] >= 0), False)
-        low = 0.0
-        for k, (ordinal, is_whole) in enumerate(zip(rows.ordinals[:count].tolist(), whole.tolist(), strict=True)):
-            if is_whole:
-                done.append(self.motions[ordinal])
-                continue
-            if k == 0 or not is_same[k - 1]:
-                low = float(offsets[k])
-            if not is_same[k]:
-                reach = float(min(path_mm, rows.ends[k]) - rows.starts[k] + offsets[k])
-                done.append(self._part(int(shapes[k]), self.motions[ordinal], low, reach))
-        return done
-
-    def _part(self, index: int, motion: Motion, from_mm: float, to_mm: float) -> Motion:
-        if index < _STRAIGHT:
-            return self._bows.part(-2 - index, to_mm, motion)
-        if index == _STRAIGHT:
-            return shape_of(motion, self._speed_error).part(from_mm, to_mm)
-        part = self._shapes[index].part(from_mm, to_mm)
-        return Rapid(motion.line, motion.block, part.start, part.end) if isinstance(motion, Rapid) else part
+def _straight(motions: Sequence[Motion]) -> list[Line | Rapid]:
+    return [motion for motion in motions if isinstance(motion, Line | Rapid)]

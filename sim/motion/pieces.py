@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.motion.columns import with_room
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -12,12 +14,15 @@ _FLOATS = ("ends", "starts", "offsets", "caps", "feeds", "knots", "speeds", "nod
 _WHOLES = ("stops", "ordinals", "shapes")
 _VECTORS = ("origins", "directions")
 
+STRAIGHT = -1
+"""In the column `shapes`: no curve but a straight piece; numbers below it count the roundings of straight moves."""
+
 
 class Pieces:
     """Rows 0 to `count` - 1 of each column; the columns may be longer than that.
 
-    Row q runs from `starts` to `ends`, mm of path, on motion `ordinals`; `shapes` is the index of its curve or -1 for
-    a straight piece from `origins` along `directions`; `offsets` is the curve's arc length at the row's start. `caps`
+    Row q runs from `starts` to `ends`, mm of path, on motion `ordinals`; `shapes` is the index of its curve or
+    STRAIGHT, from `origins` along `directions`; `offsets` is the curve's arc length at the row's start. `caps`
     mm/s (axes, curvature, block cycle), `feeds` mm/s (as programmed), `knots` mm/s (what the join at its end allows),
     `accs` mm/s2, `jerks` mm/s3, `stops` 1 where the path stops at its end. `speeds` and `nodes` follow from these and
     the override.
@@ -50,10 +55,13 @@ class Pieces:
 
     def append(self, rows: int, **columns: Array | Indices | float) -> None:
         """Add rows; every column but `speeds` and `nodes` is given, as an array (rows, ...) or one value for all."""
-        self._grow(self.count + rows)
+        stop = self.count + rows
+        if stop > len(self.ends):
+            for name in (*_FLOATS, *_WHOLES, *_VECTORS):
+                setattr(self, name, with_room(getattr(self, name), self.count, stop))
         for name, value in columns.items():
-            getattr(self, name)[self.count : self.count + rows] = value
-        self.count += rows
+            getattr(self, name)[self.count : stop] = value
+        self.count = stop
 
     def cut(self, count: int) -> None:
         """Forget the rows from `count` on."""
@@ -67,14 +75,3 @@ class Pieces:
         nodes = np.minimum(self.knots[first:stop], speeds)
         nodes[:-1] = np.minimum(nodes[:-1], speeds[1:])
         self.nodes[first:stop] = np.where(self.stops[first:stop] != 0, 0.0, nodes)
-
-    def _grow(self, needed: int) -> None:
-        size = len(self.ends)
-        if needed <= size:
-            return
-        size = max(2 * size, needed)
-        for name in (*_FLOATS, *_WHOLES, *_VECTORS):
-            old = getattr(self, name)
-            new = np.zeros((size, *old.shape[1:]), dtype=old.dtype)
-            new[: self.count] = old[: self.count]
-            setattr(self, name, new)

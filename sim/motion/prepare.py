@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from sim.interpreter import canon
-from sim.interpreter.canon import Command, Motion, PathMode
+from sim.interpreter.canon import Command, LineRun, Motion, PathMode
 from sim.motion.path import Run
 from sim.motion.straight import Modal
 
@@ -36,7 +36,7 @@ class Preparation:
         self._spindle_rpm = 0.0
         self._runs: list[Run] = []
 
-    def take(self, commands: Iterable[Command], motions: int, *, is_single_block: bool) -> list[Run]:
+    def take(self, commands: Iterable[Command | LineRun], motions: int, *, is_single_block: bool) -> list[Run]:
         """The runs of these commands; `motions` is how many motions came before them.
 
         In single block corners are not rounded, since the axes stop there.
@@ -53,7 +53,10 @@ class Preparation:
                 continue
             self._end_run(straight, is_exact=False)
             straight = []
-            if isinstance(command, canon.Arc | canon.Polynomial):
+            if isinstance(command, LineRun):
+                self._take_run(command)
+                motions += len(command)
+            elif isinstance(command, canon.Arc | canon.Polynomial):
                 self._end_run([command], is_exact=self._is_exact_once)
                 motions += 1
             else:
@@ -61,9 +64,18 @@ class Preparation:
         self._end_run(straight, is_exact=False)
         return self._runs
 
-    def _end_run(self, motions: list[Motion], *, is_exact: bool) -> None:
+    def _take_run(self, cuts: LineRun) -> None:
+        """A run of cuts; a pending exact stop belongs to the first of them alone."""
+        if self._is_exact_once:
+            self._end_run([cuts.cut(0)], is_exact=True)
+            if len(cuts) == 1:
+                return
+            cuts = cuts.after(1)
+        self._end_run(cuts, is_exact=False)
+
+    def _end_run(self, motions: Sequence[Motion] | LineRun, *, is_exact: bool) -> None:
         """These motions are a run, if there are any; `is_exact`: a pending exact stop belongs to the last one."""
-        if not motions:
+        if len(motions) == 0:
             return
         mode = self._mode
         if self._is_single_block and mode is not PathMode.EXACT_STOP:

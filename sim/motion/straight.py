@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.interpreter.canon import Line, Motion, PathMode, Rapid
+from sim.interpreter.canon import Line, LineRun, Motion, PathMode, Rapid
 from sim.motion.bows import SHARPEST
 from sim.motion.limits import OVERRIDE_TOP, AxisLimits, PieceLimits, bend_speed, straight_limits
 
@@ -57,15 +57,19 @@ def feed_mm_s(motion: Motion) -> float:
     return np.inf if isinstance(motion, Rapid) else motion.feed_mm_min / 60.0
 
 
-def legs_of(moves: Sequence[Line | Rapid], axes: AxisLimits, same_place_mm: float) -> tuple[Legs, Flags]:
+def legs_of(moves: Sequence[Line | Rapid] | LineRun, axes: AxisLimits, same_place_mm: float) -> tuple[Legs, Flags]:
     """The legs of these moves, and which moves are legs at all: one that ends where it begins is none."""
-    starts = np.array([move.start for move in moves], dtype=float)
-    ends = np.array([move.end for move in moves], dtype=float)
-    feeds = np.array([feed_mm_s(move) for move in moves])
+    if isinstance(moves, LineRun):
+        starts, ends, feeds = np.vstack([moves.start, moves.ends[:-1]]), moves.ends, moves.feeds / 60.0
+    else:
+        starts = np.array([move.start for move in moves], dtype=float)
+        ends = np.array([move.end for move in moves], dtype=float)
+        feeds = np.array([feed_mm_s(move) for move in moves])
     steps = ends - starts
     lengths = np.sqrt(np.einsum("ij,ij->i", steps, steps))
     goes = lengths > same_place_mm
-    starts, ends, steps, lengths, feeds = starts[goes], ends[goes], steps[goes], lengths[goes], feeds[goes]
+    if not np.all(goes):
+        starts, ends, steps, lengths, feeds = starts[goes], ends[goes], steps[goes], lengths[goes], feeds[goes]
     directions = steps / lengths[:, None]
     limits = straight_limits(directions, axes)
     speed = np.minimum(limits.speed, 0.9 * lengths / axes.cycle_s)

@@ -52,7 +52,7 @@ def path_mode(mode: canon.PathMode, tolerance_mm: float | None = None) -> canon.
 
 
 def run(
-    commands: Sequence[canon.Command],
+    commands: Sequence[canon.Command | canon.LineRun],
     profile: MillProfile | None = None,
     *,
     step_s: float = 0.004,

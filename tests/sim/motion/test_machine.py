@@ -82,6 +82,24 @@ def test_live_and_at_once_give_the_same_motion() -> None:
     assert np.array_equal(np.vstack([part.position_mm for part in parts]), whole.position_mm)
 
 
+@pytest.mark.parametrize("mode", [PathMode.CONTINUOUS, PathMode.ROUNDING_TOLERANCE])
+def test_a_run_of_cuts_moves_like_its_cuts_one_by_one(mode: PathMode) -> None:
+    """(7.5) Arrays or values: the same log, the same motions as made; an exact stop belongs to the first cut alone."""
+    points = [(0.3 * k, 2.0 * math.sin(0.1 * k), 0.0) for k in range(60)]
+    points[20] = points[19]
+    ends = np.array(points[1:])
+    lines, feeds = np.arange(1, 60), np.full(59, 2400.0)
+    cuts = canon.LineRun(lines, np.where(lines % 2 == 0, 10 * lines, -1), points[0], ends, feeds)
+    before = [path_mode(mode, 0.005), canon.ExactStopOnce(1, None)]
+    one_by_one, expected = run([*before, *cuts.expand(), canon.End(99, None)])
+    at_once, samples = run([*before, cuts, canon.End(99, None)])
+    for name in ("t_s", "position_mm", "feed_mm_min", "line", "block"):
+        assert np.array_equal(getattr(samples, name), getattr(expected, name))
+    assert at_once.travelled == one_by_one.travelled
+    assert at_once.stands == one_by_one.stands
+    assert at_once.snapshot() == one_by_one.snapshot()
+
+
 def test_waiting_for_blocks_is_starvation_with_block_and_place() -> None:
     """(7.4) The machine slows for the known end, stops there, and says how long."""
     first, second = lines([(0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (8.0, 0.0, 0.0)], 1200.0)
