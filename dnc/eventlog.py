@@ -1,9 +1,10 @@
-"""Where the events of a running job go: kept for the report, printed and handed on by a thread of its own."""
+"""Where the events of a running job go: kept for the report, and handed on, each listener in a thread of its own."""
 
 from __future__ import annotations
 
 import queue
 import threading
+import time
 from collections.abc import Callable
 
 from dnc.events import Alarm, Event
@@ -12,16 +13,27 @@ _KEPT_ALARMS = 100
 Listener = Callable[[Event], None]
 
 
+class _Outlet:
+    """One listener with its own queue, so that a slow one (a web address) delays no other (the operator's lines)."""
+
+    def __init__(self, listener: Listener) -> None:
+        self.queue: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
+        self._listener = listener
+        self.thread = threading.Thread(target=self._run, name="events", daemon=True)
+        self.thread.start()
+
+    def _run(self) -> None:
+        while (event := self.queue.get()) is not None:
+            self._listener(event)
+
+
 class EventLog:
-    """`add` returns at once; the listeners run in a thread and may be slow. The first alarm of a kind is kept."""
+    """`add` returns at once; the listeners may be slow. The first alarm of a kind is kept."""
 
     def __init__(self, listeners: list[Listener]) -> None:
         self.alarms: list[Alarm] = []
         self._seen: set[str] = set()
-        self._listeners = listeners
-        self._queue: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name="events", daemon=True)
-        self._thread.start()
+        self._outlets = [_Outlet(listener) for listener in listeners]
 
     def add(self, event: Event) -> None:
         """Take an event of the sending loop."""
@@ -30,14 +42,13 @@ class EventLog:
                 return
             self._seen.add(event.id)
             self.alarms.append(event)
-        self._queue.put(event)
+        for outlet in self._outlets:
+            outlet.queue.put(event)
 
     def close(self, timeout_s: float = 5.0) -> None:
         """Let the listeners finish, but not for ever."""
-        self._queue.put(None)
-        self._thread.join(timeout_s)
-
-    def _run(self) -> None:
-        while (event := self._queue.get()) is not None:
-            for listener in self._listeners:
-                listener(event)
+        until_s = time.monotonic() + timeout_s
+        for outlet in self._outlets:
+            outlet.queue.put(None)
+        for outlet in self._outlets:
+            outlet.thread.join(max(0.0, until_s - time.monotonic()))

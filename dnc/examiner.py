@@ -100,7 +100,7 @@ def examine(
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "test-handshake.mpf"
         program.write_bytes(to_and_fro(profile.control))
-        tape = load_tape(program, Tape(), state_folder() / "spool")
+        tape = load_tape(program, Tape(), state_folder() / "spool", profile.link.data_bits)
     silent = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, hold_timeout_s=0.0))
     job = Job(tape, port, silent, JobNames(new_job_id(), "test-handshake", machine), [])
     try:

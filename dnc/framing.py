@@ -63,9 +63,9 @@ def block_end_bytes(name: str) -> bytes | None:
 class CharacterCheck:
     """Refuses what must not be on the tape, chunk by chunk at constant memory; knows the line for the complaint."""
 
-    def __init__(self, path: Path, character_set: str, line_max_bytes: int) -> None:
-        self._path, self._name = path, character_set
-        self._allowed = CHARACTER_SETS[character_set]
+    def __init__(self, path: Path, character_set: str, line_max_bytes: int, data_bits: int) -> None:
+        self._path, self._name, self._data_bits = path, character_set, data_bits
+        self._allowed = bytes(byte for byte in CHARACTER_SETS[character_set] if byte >> data_bits == 0)
         self._line_max_bytes = line_max_bytes
         self._line, self._column = 1, 0
         self._is_first = True
@@ -93,6 +93,9 @@ class CharacterCheck:
         if byte < 0x20 or byte == 0x7F:
             name = _CONTROL_BYTES.get(byte, "control byte")
             what, remedy = f"{name} 0x{byte:02X} would act on the line", "remove it"
+        elif byte >> self._data_bits and byte in CHARACTER_SETS[self._name]:
+            what = f"character {chr(byte)!r} (0x{byte:02X}) does not fit into {self._data_bits} data bits"
+            remedy = "use a format with more data bits"
         elif byte < 0x7F:
             what, remedy = f"character {chr(byte)!r} is not in the control's set {self._name}", "write it otherwise"
         else:

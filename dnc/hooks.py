@@ -1,45 +1,80 @@
-"""The event hook: a command or a web address that hears of every change of state and every alarm."""
+"""The event hook: a command or a web address that hears of a job's alarms and of its changes of state.
+
+The control's own stops, SENDING to HELD and back, are left out: there are hundreds in a minute, and a hold that lasts
+is an alarm. Each message is one JSON object that says which job, program, machine and port it is about.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import json
 import shlex
+import shutil
 import subprocess
-import urllib.error
 import urllib.parse
 import urllib.request
+from collections.abc import Callable
+from datetime import UTC, datetime
 from enum import Enum
+from http.client import HTTPException
+from typing import Any
 
 from dnc.errors import SettingsRejected
 from dnc.eventlog import Listener
-from dnc.events import Alarm, Event, StateChanged
+from dnc.events import Alarm, Event, JobState, StateChanged
 
 _TIMEOUT_S = 5.0
+_COMES_AND_GOES = {JobState.SENDING, JobState.HELD}
 
 
-def hooks_of(command: str | None, url: str | None) -> list[Listener]:
-    """The hooks that were asked for; a hook that fails changes nothing for the job."""
+def hooks_of(command: str | None, url: str | None, about: dict[str, Any], say: Callable[[str], None]) -> list[Listener]:
+    """The hooks that were asked for; raises SettingsRejected for one that cannot work.
+
+    `about` goes into each message. A hook that fails later changes nothing for the job; `say` hears of it once.
+    """
     hooks: list[Listener] = []
     if command is not None:
         words = _words(command)
-        hooks.append(lambda event: _run(words, event))
+        hooks.append(_Hook(f"hook {words[0]}", lambda data: _run(words, data), about, say))
     if url is not None:
         if urllib.parse.urlsplit(url).scheme not in ("http", "https"):
             raise SettingsRejected(f"webhook {url!r} is no web address", remedy="begin it with http:// or https://")
-        hooks.append(lambda event: _post(url, event))
+        hooks.append(_Hook(f"webhook {url}", lambda data: _post(url, data), about, say))
     return hooks
 
 
-def event_json(event: Event) -> str:
-    """An event as one JSON object with its kind."""
-    values = {name: value.value if isinstance(value, Enum) else value for name, value in _fields(event)}
-    return json.dumps({"event": type(event).__name__, **values})
+class _Hook:
+    """Delivers the events that matter, and says once that it cannot."""
+
+    def __init__(
+        self, name: str, deliver: Callable[[bytes], None], about: dict[str, Any], say: Callable[[str], None]
+    ) -> None:
+        self._name, self._deliver, self._about, self._say = name, deliver, about, say
+        self._is_broken = False
+
+    def __call__(self, event: Event) -> None:
+        if not _is_news(event):
+            return
+        try:
+            self._deliver(message(event, self._about))
+        except (OSError, subprocess.SubprocessError, HTTPException, ValueError) as problem:
+            if not self._is_broken:
+                self._say(f"{self._name} failed: {problem}; the job goes on")
+            self._is_broken = True
 
 
-def _fields(event: Event) -> list[tuple[str, object]]:
-    return [(field.name, getattr(event, field.name)) for field in dataclasses.fields(event)]
+def message(event: Event, about: dict[str, Any]) -> bytes:
+    """An event as one JSON object: its kind, the time of day, what it is about, its own values."""
+    values = {field.name: getattr(event, field.name) for field in dataclasses.fields(event)}
+    plain = {name: value.value if isinstance(value, Enum) else value for name, value in values.items()}
+    now = datetime.now(UTC).isoformat(timespec="milliseconds")
+    return json.dumps({"event": type(event).__name__, "time": now, **about, **plain}).encode()
+
+
+def _is_news(event: Event) -> bool:
+    if isinstance(event, StateChanged):
+        return not {event.old, event.new} <= _COMES_AND_GOES
+    return isinstance(event, Alarm)
 
 
 def _words(command: str) -> list[str]:
@@ -49,31 +84,20 @@ def _words(command: str) -> list[str]:
         raise SettingsRejected(f"hook {command!r}: {problem}", remedy="quote it as for a shell") from None
     if not words:
         raise SettingsRejected("the hook is empty", remedy="name a command")
+    if shutil.which(words[0]) is None:
+        raise SettingsRejected(
+            f"hook {words[0]!r} is no command that can run", remedy="give its path, make it executable"
+        )
     return words
 
 
-def _run(words: list[str], event: Event) -> None:
-    if isinstance(event, StateChanged | Alarm):
-        with contextlib.suppress(OSError, subprocess.SubprocessError):
-            subprocess.run(
-                words,
-                input=event_json(event).encode(),
-                timeout=_TIMEOUT_S,
-                check=False,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
+def _run(words: list[str], data: bytes) -> None:
+    quiet = subprocess.DEVNULL
+    subprocess.run(words, input=data, timeout=_TIMEOUT_S, check=True, stdout=quiet, stderr=quiet)
 
 
-def _post(url: str, event: Event) -> None:
-    if not isinstance(event, StateChanged | Alarm):
-        return
+def _post(url: str, data: bytes) -> None:
     head = {"Content-Type": "application/json"}
-    request = urllib.request.Request(url, event_json(event).encode(), head)  # noqa: S310 (scheme checked in hooks_of)
-    with (
-        contextlib.suppress(OSError, urllib.error.URLError, ValueError),
-        urllib.request.urlopen(  # noqa: S310 (same)
-            request, timeout=_TIMEOUT_S
-        ),
-    ):
+    request = urllib.request.Request(url, data, head)  # noqa: S310 (scheme checked in hooks_of)
+    with urllib.request.urlopen(request, timeout=_TIMEOUT_S):  # noqa: S310 (same)
         pass

@@ -44,6 +44,11 @@ class Link(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     char_delay_s: NotNegative = 0.0
     line_delay_s: NotNegative = 0.0
 
+    @property
+    def data_bits(self) -> int:
+        """How many bits of a byte the line carries."""
+        return int(self.format[0])
+
 
 class Tape(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     r"""What surrounds the program; leader and trailer know \NUL*n, \CR, \LF, \DC2, \DC4 and plain text."""

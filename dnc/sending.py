@@ -68,7 +68,7 @@ def send(wishes: Wishes) -> int:
     profile = effective_profile(wishes)
     if wishes.report is not None and not wishes.report.parent.is_dir():
         raise SettingsRejected(f"the folder of {wishes.report} does not exist", remedy="create it")
-    tape = load_tape(wishes.program, profile.tape, state_folder() / "spool")
+    tape = _load(wishes.program, profile)
     plan: Plan | None = None
     try:
         refuse_contradiction(tape, profile, wishes.program)
@@ -104,9 +104,13 @@ def _restarted(tape: Tape, profile: MachineProfile, wishes: Wishes) -> tuple[Tap
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / wishes.program.name
         program.write_bytes(plan.data)
-        restarted = load_tape(program, profile.tape, state_folder() / "spool")
+        restarted = _load(program, profile)
     tape.close()
     return restarted, plan
+
+
+def _load(program: Path, profile: MachineProfile) -> Tape:
+    return load_tape(program, profile.tape, state_folder() / "spool", profile.link.data_bits)
 
 
 def machine_profile(machine: str) -> MachineProfile:
@@ -120,6 +124,11 @@ def link_with(link: Link, given: Mapping[str, object]) -> Link:
     try:
         changed = msgspec.convert(values, Link)
     except msgspec.ValidationError as problem:
+        if str(problem).endswith("$.format`"):
+            raise SettingsRejected(
+                f"format {values['format']} is none of the line",
+                remedy="write 5 to 8 data bits, parity N, E, O, M or S, stop bits 1, 1.5 or 2, such as 8N1",
+            ) from None
         raise SettingsRejected(str(problem).replace(" - at `$.", ": ").rstrip("`"), remedy="mend the option") from None
     if changed.format.endswith("1.5") and not changed.format.startswith("5"):
         raise SettingsRejected(
@@ -199,7 +208,10 @@ def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restar
     for warning in line_warnings(profile, port):
         click.echo(f"dnc: warning: {warning}", err=True)
     names = JobNames(new_job_id(), str(wishes.program), wishes.machine, restart)
-    job = Job(tape, port, profile, names, [event_lines(port.is_simulated), *hooks_of(wishes.hook, wishes.webhook)])
+    about: dict[str, Any] = {"job": names.job_id, "program": names.program, "machine": names.machine}
+    about |= {"port": port.name, "simulated": port.is_simulated}
+    hooks = hooks_of(wishes.hook, wishes.webhook, about, lambda text: click.echo(f"dnc: warning: {text}", err=True))
+    job = Job(tape, port, profile, names, [event_lines(port.is_simulated), *hooks])
     with Progress(job.sender, port.is_simulated, sys.stderr):
         return job.run()
 

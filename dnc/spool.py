@@ -20,16 +20,17 @@ _MEMORY_BYTES = 8 << 20
 _ANY_BLOCK_END = re.compile(rb"\r\n|\n\r\r|\n\r(?!\n)|\n|\r")
 
 
-def load_tape(path: Path, rules: profile.Tape, spool_folder: Path) -> Tape:
+def load_tape(path: Path, rules: profile.Tape, spool_folder: Path, data_bits: int = 8) -> Tape:
     """Spool, check, frame and hash a program; raises InputRejected (bad program) or SettingsRejected (no space).
 
-    Up to 8 MB stay in memory; more goes to an unnamed file in `spool_folder`.
+    Up to 8 MB stay in memory; more goes to an unnamed file in `spool_folder`. A character that the line's `data_bits`
+    cannot carry is refused like one that the control cannot read.
     """
     source = _open_program(path)
     try:
         spool = _spool(os.fstat(source).st_size, spool_folder)
         try:
-            return _spooled(source, spool, path, rules)
+            return _spooled(source, spool, path, rules, data_bits)
         except BaseException:
             os.close(spool)
             raise
@@ -67,14 +68,14 @@ def _spool(size_bytes: int, folder: Path) -> int:
         return os.dup(file.fileno())
 
 
-def _spooled(source: int, spool: int, path: Path, rules: profile.Tape) -> Tape:
+def _spooled(source: int, spool: int, path: Path, rules: profile.Tape, data_bits: int) -> Tape:
     head = os.pread(source, _CHUNK_BYTES, 0)
     wanted = block_end_bytes(rules.end_of_block)
     block_end = wanted or _block_end_of(head)
     leader, trailer = escaped_bytes(rules.leader), escaped_bytes(rules.trailer)
     lines = LineIndex(b"\n" if b"\n" in block_end else block_end[-1:])
     of_tape, of_program = hashlib.sha256(), hashlib.sha256()
-    check = CharacterCheck(path, rules.character_set, rules.line_max_bytes)
+    check = CharacterCheck(path, rules.character_set, rules.line_max_bytes, data_bits)
 
     def put(chunk: bytes) -> None:
         lines.feed(chunk)

@@ -54,6 +54,19 @@ def test_leader_and_trailer(tmp_path: Path) -> None:
     assert tape.sha256 != tape.program_sha256
 
 
+@pytest.mark.parametrize(("data_bits", "column", "what"), [(5, 1, "'G'"), (6, 1, "'G'"), (7, 7, "'\xe4'")])
+def test_a_character_that_the_format_cannot_carry_is_refused(
+    tmp_path: Path, data_bits: int, column: int, what: str
+) -> None:
+    """(5.4, 5.6) Five data bits would carry G as 0x07: refused with line and column before the first byte leaves."""
+    (tmp_path / "part.mpf").write_bytes(b"\r\nG1 X1 \xe4\r\n")
+    rules = profile.Tape(character_set="any")
+    with pytest.raises(InputRejected, match="does not fit") as refused:
+        load_tape(tmp_path / "part.mpf", rules, tmp_path, data_bits)
+    assert f"part.mpf:2:{column}: character {what}" in str(refused.value)
+    load_tape(tmp_path / "part.mpf", rules, tmp_path, 8).close()
+
+
 def test_unknown_escape_is_refused() -> None:
     with pytest.raises(SettingsRejected, match="no known escape"):
         escaped_bytes(r"\FOO")

@@ -1,0 +1,119 @@
+"""The event hook: a real command and a real web server hear what matters, and never in the way of the job (5.7)."""
+
+from __future__ import annotations
+
+import http.server
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dnc import alarms
+from dnc.errors import SettingsRejected
+from dnc.eventlog import EventLog
+from dnc.events import Event, Held, JobState, StateChanged
+from dnc.hooks import hooks_of
+
+ABOUT = {"job": "J1", "program": "part.mpf", "machine": "mill", "port": "/dev/ttyS0", "simulated": False}
+STARTED = StateChanged(1.0, 0, JobState.LOADED, JobState.SENDING, "the operator started the job")
+STOPPED = StateChanged(2.0, 50, JobState.SENDING, JobState.HELD, "the control sent XOFF")
+GONE_ON = StateChanged(3.0, 50, JobState.HELD, JobState.SENDING, "the control sent XON")
+LOST = StateChanged(4.0, 60, JobState.SENDING, JobState.FAULTED, "the port was lost")
+
+
+def tell(listener: Any, *events: Event) -> None:
+    for event in events:
+        listener(event)
+
+
+def test_a_command_hears_alarms_and_changes_but_not_the_controls_stops(tmp_path: Path) -> None:
+    """(5.7)"""
+    script = tmp_path / "hook.sh"
+    script.write_text(f"#!/bin/sh\ncat >> {tmp_path}/heard\necho >> {tmp_path}/heard\n")
+    script.chmod(0o755)
+    said: list[str] = []
+    (hook,) = hooks_of(str(script), None, ABOUT, said.append)
+    tell(hook, STARTED, STOPPED, Held(2.0, 50, 3, False), GONE_ON, alarms.PORT_LOST.at(4.0, 60, "unplugged"), LOST)
+    heard = [json.loads(line) for line in (tmp_path / "heard").read_text().splitlines()]
+    assert [item["event"] for item in heard] == ["StateChanged", "Alarm", "StateChanged"]
+    assert [item.get("new") for item in heard] == ["SENDING", None, "FAULTED"]
+    assert all(item["job"] == "J1" and item["machine"] == "mill" and item["time"] for item in heard)
+    assert heard[1]["remedy"]
+    assert said == []
+
+
+class Server(http.server.ThreadingHTTPServer):
+    """Keeps what is posted and answers with `status`."""
+
+    def __init__(self, status: int) -> None:
+        super().__init__(("127.0.0.1", 0), Answer)
+        self.status = status
+        self.heard: list[dict[str, Any]] = []
+
+
+class Answer(http.server.BaseHTTPRequestHandler):
+    server: Server
+
+    def do_POST(self) -> None:
+        """Keep one message."""
+        self.server.heard.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+        self.send_response(self.server.status)
+        self.end_headers()
+
+    def log_message(self, *_words: object) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture(params=[204, 500])
+def server(request: pytest.FixtureRequest) -> Iterator[Server]:
+    with Server(request.param) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield server
+        server.shutdown()
+
+
+def test_a_web_address_hears_the_same_and_a_failure_is_said_once(server: Server) -> None:
+    """(5.7)"""
+    said: list[str] = []
+    (hook,) = hooks_of(None, f"http://127.0.0.1:{server.server_port}/mill", ABOUT, said.append)
+    tell(hook, STARTED, LOST)
+    assert [item["new"] for item in server.heard] == ["SENDING", "FAULTED"]
+    assert len(said) == (server.status == 500)
+    assert all("500" in sentence and sentence.endswith("the job goes on") for sentence in said)
+
+
+@pytest.mark.parametrize(
+    ("command", "url", "words"),
+    [
+        ("/no/such/command -x", None, "no command that can run"),
+        ("'", None, "quote it"),
+        (" ", None, "empty"),
+        (None, "ftp://here", "http://"),
+    ],
+)
+def test_a_hook_that_cannot_work_is_refused(command: str | None, url: str | None, words: str) -> None:
+    """(5.7)"""
+    with pytest.raises(SettingsRejected, match=words):
+        hooks_of(command, url, ABOUT, print)
+
+
+def test_a_command_that_fails_is_said_once() -> None:
+    """(5.7)"""
+    said: list[str] = []
+    (hook,) = hooks_of("false", None, ABOUT, said.append)
+    tell(hook, STARTED, LOST)
+    assert len(said) == 1
+    assert said[0].startswith("hook false failed: ")
+
+
+def test_a_listener_that_hangs_delays_no_other() -> None:
+    """(5.7) The operator's lines appear though a web address does not answer."""
+    release, shown = threading.Event(), threading.Event()
+    log = EventLog([lambda event: release.wait(10) and None, lambda event: shown.set()])
+    log.add(STARTED)
+    assert shown.wait(10)
+    release.set()
+    log.close()
