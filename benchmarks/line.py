@@ -2,8 +2,8 @@
 
 Each row is one window of `dnc send` against `dnc mill` at speed 1. A stop counts as measured if neither process was
 held up by more than 0.6 ms around it; the worst of all stops stands beside it. Judged as required: overshoot
-at most 3 bytes up to 38400 baud and 9 at 115200, utilisation of the time not held (median of the runs between two
-stops) at least 0.98 and 0.96, no overrun.
+at most 3 bytes up to 38400 baud and 9 at 115200, utilisation of the time not held (median of the runs before these
+stops, as the mill sees them) at least 0.98 and 0.96, no overrun.
 """
 
 from __future__ import annotations
@@ -92,6 +92,7 @@ def measured(baud: int, buffer_bytes: int, fifo_bytes: int, seconds: float) -> R
         seen = json.loads((folder / "mill.json").read_text())
     sender_late = [(ended, lasted) for ended, lasted in sent["hold_ups"] if lasted > HELD_UP_S]
     good = [stop for stop in seen["xoff_cycles"] if is_measured(stop, sender_late)]
+    used = [stop["utilisation"] for stop in good if stop["utilisation"] is not None]
     return Row(
         baud=baud,
         buffer_bytes=buffer_bytes,
@@ -101,7 +102,7 @@ def measured(baud: int, buffer_bytes: int, fifo_bytes: int, seconds: float) -> R
         overshoot_median=statistics.median([stop["overshoot_bytes"] for stop in good] or [0]),
         overshoot=max((stop["overshoot_bytes"] for stop in good), default=0),
         overshoot_worst=seen["overshoot_bytes_max"],
-        utilisation=sent["utilisation_median"],
+        utilisation=statistics.median(used) if used else None,
         overrun=seen["overrun_bytes"],
         cpu=cpu,
     )

@@ -22,7 +22,7 @@ from dnc.events import JobState, Severity
 from dnc.handshake import Cause
 from dnc.journal import Journal
 from dnc.names import JobNames
-from dnc.pacing import ByteClock, Pace, bits_per_byte, default_inflight_bytes, default_slack
+from dnc.pacing import ByteClock, Pace, bits_per_byte, default_inflight_bytes, default_lag_s, default_slack
 from dnc.places import runtime_folder, state_folder
 from dnc.port import Flow, Port
 from dnc.priority import on_time
@@ -34,8 +34,6 @@ from dnc.service.snapshot import JobView
 from dnc.stream import Command, Stream
 from dnc.tape import Tape
 
-_LAG_S = 150e-6
-_LAG_MAX_S = 500e-6
 _AHEAD_S = 6.0
 _AHEAD_MIN_BYTES = 4096
 _HEARD_BYTES = 65536
@@ -57,8 +55,8 @@ def pace_of(link: Link) -> Pace:
     """The measure of this line."""
     inflight = link.inflight_max_bytes or default_inflight_bytes(link.baud, link.format)
     byte_s = bits_per_byte(link.format) / link.baud
-    lag_s = max(_LAG_S, min(byte_s / 4, _LAG_MAX_S))
-    return Pace(byte_s, inflight, lag_s, default_slack(link.baud), link.char_delay_s, link.line_delay_s)
+    lag_s, slack = default_lag_s(link.baud), default_slack(link.baud)
+    return Pace(byte_s, inflight, lag_s, slack, link.char_delay_s, link.line_delay_s)
 
 
 def rules_of(link: Link) -> Rules:

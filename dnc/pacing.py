@@ -22,17 +22,22 @@ def bits_per_byte(form: str) -> float:
 
 
 def default_inflight_bytes(baud: int, form: str) -> int:
-    """Bytes in flight that keep the line busy over 0.78 ms of host delay, at least 3: 3 to 38400 baud, 9 at 115200.
+    """Bytes in flight that keep the line busy over 0.69 ms of host delay, at least 3: 3 to 38400 baud, 8 at 115200.
 
     >>> [default_inflight_bytes(baud, "8N1") for baud in (1200, 38400, 115200)]
-    [3, 3, 9]
+    [3, 3, 8]
     """
-    return max(3, math.ceil(0.78e-3 * baud / bits_per_byte(form)))
+    return max(3, math.ceil(0.69e-3 * baud / bits_per_byte(form)))
 
 
 def default_slack(baud: int) -> float:
     """How much slower than the line the clock runs: what the demanded utilisation leaves, 0.98 and 0.96 at most."""
     return 0.012 if baud <= 38400 else 0.028
+
+
+def default_lag_s(baud: int) -> float:
+    """How late the first byte after a silence may start: less than this, and the bytes after it would add to it."""
+    return 0.45e-3 if baud <= 38400 else 0.3e-3
 
 
 @dataclass(frozen=True, slots=True)

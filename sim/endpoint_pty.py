@@ -13,6 +13,7 @@ import hashlib
 import math
 import os
 import select
+import statistics
 import time
 import tty
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from typing import Any
 from planner.errors import SettingsRejected, UserError
 from sim.clock import HoldUps, MachineClock, punctual
 from sim.messages import Completed, Failed, Finish, Heard, Message, Ready, Result, Start, Wire
+from sim.receiver import Cycle
 from sim.uart import Uart
 
 
@@ -85,7 +87,7 @@ class LineProcess:
         self._told_overrun_bytes = 0
         self._last_byte_s = time.monotonic()
         self._cycle_s = 0.0
-        self._cycles: list[tuple[float, int, float]] = []
+        self._cycles: list[tuple[Cycle, float]] = []
 
     def run(self, stop_fd: int) -> bool:
         """Until the program has ended and the line is quiet (True), or a signal comes (False)."""
@@ -99,21 +101,28 @@ class LineProcess:
         """The line's half of the report."""
         receiver = self.uart.receiver
         self._close_cycles()
-        quiet = [overshoot for _, overshoot, held_up_s in self._cycles if held_up_s <= self.patience.disturbed_s]
+        quiet = [cycle for cycle, held_up_s in self._cycles if held_up_s <= self.patience.disturbed_s]
+        used = [cycle.utilisation for cycle in quiet if cycle.utilisation is not None]
         open_stop = receiver.overshoot_bytes if receiver.is_held else 0
         return {
             "bytes_received": receiver.received_bytes,
             "sha256": self._sha256.hexdigest(),
             "overrun_bytes": receiver.overrun_bytes,
             "xoff_sent": receiver.xoff_sent,
-            "overshoot_bytes_max": max([open_stop, *(overshoot for _, overshoot, _ in self._cycles)]),
-            "overshoot_bytes_max_undisturbed": max(quiet, default=0),
+            "overshoot_bytes_max": max([open_stop, *(cycle.overshoot_bytes for cycle, _ in self._cycles)]),
+            "overshoot_bytes_max_undisturbed": max((cycle.overshoot_bytes for cycle in quiet), default=0),
+            "utilisation_median_undisturbed": statistics.median(used) if used else None,
             "xoff_cycles_undisturbed": len(quiet),
             "hold_up_s_max": self.hold_ups.worst_s,
             "is_real_time": self.is_real_time,
             "xoff_cycles": [
-                {"monotonic_s": at, "overshoot_bytes": overshoot, "hold_up_s": held_up}
-                for at, overshoot, held_up in self._cycles[: self.patience.cycles_reported]
+                {
+                    "monotonic_s": self.clock.wall_s(cycle.xoff_s),
+                    "overshoot_bytes": cycle.overshoot_bytes,
+                    "utilisation": cycle.utilisation,
+                    "hold_up_s": held_up_s,
+                }
+                for cycle, held_up_s in self._cycles[: self.patience.cycles_reported]
             ],
         }
 
@@ -211,8 +220,7 @@ class LineProcess:
     def _close_cycles(self) -> None:
         """Judge the cycles that have ended by whether this process was there from one DC1 to the next."""
         for cycle in self.uart.receiver.cycles:
-            begun_s, ended_s = self.clock.wall_s(cycle.xoff_s), self.clock.wall_s(cycle.xon_s)
-            held_up_s = self.hold_ups.worst_between(self._cycle_s, ended_s)
-            self._cycles.append((begun_s, cycle.overshoot_bytes, held_up_s))
+            ended_s = self.clock.wall_s(cycle.xon_s)
+            self._cycles.append((cycle, self.hold_ups.worst_between(self._cycle_s, ended_s)))
             self._cycle_s = ended_s
         self.uart.receiver.cycles.clear()

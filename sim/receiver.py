@@ -39,12 +39,17 @@ class Marks:
 
 @dataclass(frozen=True, slots=True)
 class Cycle:
-    """One stop: when DC3 began to leave, bytes that arrived after that, bytes lost in it, when DC1 was said."""
+    """One stop: when DC3 began to leave, bytes that arrived after that, bytes lost in it, when DC1 was said.
+
+    `utilisation` is that of the run before it: its bytes over what the line could carry from the moment the host had
+    DC1 until it had DC3, or until the last byte arrived if that was later; None for a run that no DC1 began.
+    """
 
     xoff_s: float
     overshoot_bytes: int
     overrun_bytes: int
     xon_s: float
+    utilisation: float | None
 
 
 class Receiver:
@@ -62,6 +67,10 @@ class Receiver:
         self._xoff_s: float | None = None
         self._overshoot_bytes = 0
         self._overrun_before = 0
+        self._run_from_s: float | None = None
+        self._run_until_s = 0.0
+        self._run_bytes = 0
+        self._byte_time_s = 0.0
 
     @property
     def is_held(self) -> bool:
@@ -80,6 +89,8 @@ class Receiver:
 
     def arrive(self, run: Run) -> None:
         """Bytes reached the control."""
+        self._run_bytes += len(run.data)
+        self._run_until_s, self._byte_time_s = run.last_s, run.byte_time_s
         while run.data:
             if self._xoff_s is not None:
                 self._overshoot_bytes += run.count_after(self._xoff_s)
@@ -105,7 +116,9 @@ class Receiver:
     def release(self, now_s: float) -> None:
         """Say DC1 and close the cycle."""
         self._close_cycle(now_s)
-        self._say(Word.XON, now_s)
+        begin_s = self._say(Word.XON, now_s)
+        self._run_from_s = begin_s + self._byte_time_s if math.isfinite(begin_s) else None
+        self._run_bytes = 0
 
     def clear(self, now_s: float) -> None:
         """Forget what the ring holds (reset, power cycle), and say nothing."""
@@ -122,8 +135,14 @@ class Receiver:
     def _close_cycle(self, now_s: float) -> None:
         if self._xoff_s is not None and math.isfinite(self._xoff_s):
             lost = self.overrun_bytes - self._overrun_before
-            self.cycles.append(Cycle(self._xoff_s, self._overshoot_bytes, lost, now_s))
-        self._xoff_s = None
+            self.cycles.append(Cycle(self._xoff_s, self._overshoot_bytes, lost, now_s, self._utilisation(self._xoff_s)))
+        self._xoff_s = self._run_from_s = None
+
+    def _utilisation(self, xoff_s: float) -> float | None:
+        if self._run_from_s is None:
+            return None
+        run_s = max(xoff_s + self._byte_time_s, self._run_until_s) - self._run_from_s
+        return self._run_bytes * self._byte_time_s / run_s if run_s > 0 else None
 
     def _accept(self, data: bytes) -> None:
         free = self.marks.size_bytes - self.fill_bytes

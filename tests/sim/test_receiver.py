@@ -39,7 +39,28 @@ def test_dc3_goes_out_at_the_byte_that_reaches_the_mark_and_dc1_when_drained() -
     assert ring.is_held
     ring.take(1, 91.0)
     assert ears.heard[-1] == (Word.XON, 91.0)
-    assert ring.cycles == [Cycle(xoff_s=80.0, overshoot_bytes=2, overrun_bytes=0, xon_s=91.0)]
+    assert ring.cycles == [Cycle(xoff_s=80.0, overshoot_bytes=2, overrun_bytes=0, xon_s=91.0, utilisation=None)]
+
+
+def test_a_run_is_used_from_dc1_at_the_host_until_its_last_byte() -> None:
+    """(5.2) DC1 said at 91 is there at 92; 10 idle byte times, then 40 bytes until DC3 and 2 more: 42 of 52."""
+    ring = Receiver(MARKS, Ears())
+    ring.arrive(run(80, 1.0))
+    ring.take(40, 91.0)
+    ring.arrive(run(42, 103.0))
+    ring.take(42, 150.0)
+    assert [cycle.utilisation for cycle in ring.cycles] == [None, 42 / 52]
+
+
+def test_a_run_lasts_until_dc3_is_there_though_no_byte_came() -> None:
+    """(5.2) A host that falls silent early has not used the line: 40 bytes, 8 idle byte times before a stop by hand."""
+    ring = Receiver(MARKS, Ears())
+    ring.arrive(run(80, 1.0))
+    ring.take(79, 91.0)
+    ring.arrive(run(40, 93.0))
+    ring.hold(139.0)
+    ring.take(41, 150.0)
+    assert ring.cycles[-1].utilisation == 40 / 48
 
 
 def test_bytes_that_come_before_dc3_begins_are_not_overshoot() -> None:
@@ -73,7 +94,7 @@ def test_a_reset_forgets_the_ring() -> None:
     ring.clear(95.0)
     ring.take(12, 95.0)
     assert (ring.fill_bytes, ring.is_held, ring.fetch()) == (0, False, b"")
-    assert ring.cycles == [Cycle(xoff_s=80.0, overshoot_bytes=10, overrun_bytes=0, xon_s=95.0)]
+    assert ring.cycles == [Cycle(xoff_s=80.0, overshoot_bytes=10, overrun_bytes=0, xon_s=95.0, utilisation=None)]
 
 
 @pytest.mark.parametrize("size", [1, 7, 80, 200])
