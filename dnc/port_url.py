@@ -6,6 +6,7 @@ import contextlib
 import os
 import socket
 import threading
+import urllib.parse
 
 import serial
 
@@ -24,6 +25,7 @@ class UrlPort:
 
     def __init__(self, name: str, link: Link) -> None:
         self.name = self.identity = name
+        _refuse_address(name)
         self.flow = FLOWS[link.handshake]
         if link.handshake not in ("xonxoff", "none"):
             raise PortUnavailable(f"{name}: handshake {link.handshake} does not reach across a network; use xonxoff")
@@ -92,6 +94,17 @@ class UrlPort:
         if self._bridge is not None:
             self._bridge.close()
         return True
+
+
+def _refuse_address(name: str) -> None:
+    """Raise PortUnavailable for what is no address of a device server."""
+    try:
+        parts = urllib.parse.urlsplit(name)
+        is_address = parts.scheme in ("socket", "rfc2217") and bool(parts.hostname) and bool(parts.port)
+    except ValueError:
+        is_address = False
+    if not is_address:
+        raise PortUnavailable(f"{name} is no address; write socket://host:port or rfc2217://host:port")
 
 
 class _Bridge:

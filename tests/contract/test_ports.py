@@ -17,7 +17,7 @@ import pytest
 import serial
 import serial.rfc2217
 
-from dnc.errors import PortLost
+from dnc.errors import PortLost, PortUnavailable
 from dnc.port import Port, SerialPort
 from dnc.port_url import UrlPort
 from dnc.profile import Link
@@ -196,3 +196,12 @@ def test_what_a_port_says_of_itself(cable: Cable) -> None:
     assert port.is_bound_assured == isinstance(port, SerialPort)
     port.purge()
     assert port.close()
+
+
+@pytest.mark.parametrize(
+    "address", ["socket://host", "socket://:4001", "rfc2217://host:x", "socket://host:99999", "loop://"]
+)
+def test_what_is_no_address_is_refused_in_one_sentence(address: str) -> None:
+    """(2.7, 5.3)"""
+    with pytest.raises(PortUnavailable, match=r"is no address; write socket://host:port or rfc2217://host:port$"):
+        UrlPort(address, Link())
