@@ -29,6 +29,12 @@ class End(Enum):
     PERCENT = "the closing %"
     SILENCE = "silence"
     FULL = "the size limit"
+    BREAK = "a break in the middle"
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the control can have said all it had to say."""
+        return self not in (End.FULL, End.BREAK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +78,10 @@ class PunchIn:
     def tick(self, now_s: float) -> list[Received]:
         """The program that silence has ended, if any."""
         return self._finished(End.SILENCE) if now_s >= self.next_wake_s else []
+
+    def break_off(self) -> list[Received]:
+        """What has come of the program that is under way, if any: nobody listens any longer."""
+        return self._finished(End.BREAK)
 
     def _is_closed(self) -> bool:
         """Whether a line of one % follows a program that began with %."""

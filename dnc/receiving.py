@@ -19,20 +19,30 @@ from dnc.punch_in import PunchIn, Received
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """A program as it lies in the folder now."""
+    """A program as it lies in the folder now; one that is not whole bears the ending .partial."""
 
     path: Path
     size_bytes: int
     sha256: str
     ended_by: str
     is_new: bool
+    is_whole: bool
 
 
 def receive(
     port: Port, punch_in: PunchIn, folder: Path, count: int, wait_s: float, say: Callable[[Stored], None]
 ) -> list[Stored]:
-    """Listen for `count` programs (0: no limit), until nothing came for `wait_s` (0: for ever), or a signal."""
+    """Listen for `count` programs (0: no limit), until nothing came for `wait_s` (0: for ever), or a signal.
+
+    Whatever ends it, a lost port included, what came of a program that is under way is stored too.
+    """
     stored: list[Stored] = []
+
+    def keep(programs: list[Received]) -> None:
+        for program in programs:
+            stored.append(put_away(program, folder))
+            say(stored[-1])
+
     stop_read, stop_write = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:
@@ -46,13 +56,10 @@ def receive(
             until_s = min(punch_in.next_wake_s, quiet_since_s + wait_s if wait_s > 0 else now_s + 3600)
             ready, _, _ = select.select([port.fileno(), stop_read], [], [], max(0.0, until_s - now_s))
             now_s = time.monotonic()
-            programs = punch_in.tick(now_s)
+            keep(punch_in.tick(now_s))
             if port.fileno() in ready:
-                programs += punch_in.hear(port.read(), now_s)
+                keep(punch_in.hear(port.read(), now_s))
                 quiet_since_s = now_s
-            for program in programs:
-                stored.append(put_away(program, folder))
-                say(stored[-1])
             if stop_read in ready or (not ready and 0 < wait_s <= now_s - quiet_since_s):
                 break
     finally:
@@ -60,6 +67,8 @@ def receive(
             signal.signal(number, handler)
         os.close(stop_read)
         os.close(stop_write)
+        if not 0 < count <= len(stored):
+            keep(punch_in.break_off())
     return stored
 
 
@@ -73,14 +82,16 @@ def put_away(program: Received, folder: Path) -> Stored:
         raise InputRejected(f"the program cannot be stored: {problem.strerror}", path=folder) from None
     finally:
         unfinished.unlink(missing_ok=True)
-    return Stored(path, len(program.data), hashlib.sha256(program.data).hexdigest(), program.end.value, is_new)
+    sha256 = hashlib.sha256(program.data).hexdigest()
+    return Stored(path, len(program.data), sha256, program.end.value, is_new, program.end.is_whole)
 
 
 def _linked(unfinished: Path, folder: Path, program: Received) -> tuple[Path, bool]:
-    stem, dot, suffix = program.name.partition(".")
+    name = program.name if program.end.is_whole else f"{program.name}.partial"
+    stem, dot, suffix = name.partition(".")
     number = 1
     while True:
-        path = folder / (program.name if number == 1 else f"{stem}-{number}{dot}{suffix}")
+        path = folder / (name if number == 1 else f"{stem}-{number}{dot}{suffix}")
         try:
             path.hardlink_to(unfinished)
         except FileExistsError:

@@ -37,7 +37,7 @@ def command(
 ) -> int:
     """Store what the control punches out, each program under its own name, nothing overwritten.
 
-    Exit 5 if --count was given and fewer programs came.
+    A program that broke off is kept with the ending .partial. Exit 5 then, and if fewer than --count programs came.
     """
     import dataclasses
 
@@ -67,6 +67,9 @@ def command(
         rows = [{**dataclasses.asdict(one), "path": str(one.path)} for one in stored]
         report = {"schema": "dripmill.receive", "version": 1, "simulated": opened.is_simulated, "programs": rows}
         click.echo(json.dumps(report, indent=1))
+    broken = [one for one in stored if not one.is_whole]
+    if broken:
+        raise LineFault(f"{broken[0].path} is not whole; punch it out again")
     if len(stored) < count:
         raise LineFault(f"{len(stored)} of {count} programs came; check the punch-out setting at the control")
     return 0
