@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from dnc.profile import MachineProfile
@@ -19,7 +18,7 @@ def limits_of(profile: MachineProfile) -> ControlLimits:
     control = profile.control
     return ControlLimits(
         resolution_mm=control.resolution_mm,
-        decimals=_DECIMALS.get(control.dialect),
+        decimals=_DECIMALS.get(control.dialect) if control.decimals is None else control.decimals,
         min_spline_blocks=control.min_spline_blocks,
         knot_rule=control.knot_rule,
         knot_rule_verified=bool(control.knot_rule_verified),
@@ -29,7 +28,9 @@ def limits_of(profile: MachineProfile) -> ControlLimits:
     )
 
 
-def machining_clock(profile_path: Path, subprogram_folder: Path | None = None) -> Callable[[bytes], float]:
+def machining_clock(
+    profile_path: Path, subprogram_folder: Path | None = None, tool_radii_mm: Mapping[int, float] | None = None
+) -> Callable[[bytes], float]:
     """How long this machine takes for a program, s: the interpreter's commands, timed in closed form."""
     from sim.interpreter.run import interpret
     from sim.mill import settings_of
@@ -37,7 +38,7 @@ def machining_clock(profile_path: Path, subprogram_folder: Path | None = None) -
     from sim.profile import load_mill_profile
 
     profile = load_mill_profile(profile_path)
-    settings = replace(settings_of(profile, is_drip_fed=False), subprogram_folder=subprogram_folder)
+    settings = settings_of(profile, is_drip_fed=False, tool_radii_mm=tool_radii_mm, subprogram_folder=subprogram_folder)
     return lambda program: estimate_time_s(interpret(program, settings), profile)
 
 

@@ -67,7 +67,7 @@ class Control(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     program is fed.
 
     `retract_z_mm` is the machine height (not of the work offset) of a safe tool change; without it programs do not
-    move there.
+    move there. `decimals` is the most decimals it reads, of inches where `units` are inches; without it any number.
     """
 
     dialect: Literal["sinumerik", "fanuc", "heidenhain", "linuxcnc", "generic"] = "sinumerik"
@@ -85,6 +85,7 @@ class Control(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     lookahead_blocks: Annotated[int, Meta(ge=1)] = 100
     min_spline_blocks: Count = 6
     retract_z_mm: float | None = None
+    decimals: Annotated[int, Meta(ge=0, le=9)] | None = None
     has_tool_changer: bool = True
     units: Literal["mm", "inch"] = "mm"
 

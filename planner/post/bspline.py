@@ -54,7 +54,8 @@ def bspline_passes(
     curves = [_curve_of(one, drop_z_mm, min_blocks) for one in passes]
     finest = np.minimum(fine + 1, most_decimals)
     least = np.stack([fine, fine, np.full(len(curves), _WHOLE_DIGITS)], axis=1)
-    most = np.stack([finest, finest, np.full(len(curves), _KNOT_DIGITS)], axis=1)
+    knot_digits = min(_KNOT_DIGITS, _WHOLE_DIGITS + most_decimals)
+    most = np.stack([finest, finest, np.full(len(curves), knot_digits)], axis=1)
     ends = fine.tolist()
 
     def bound_mm(digits: Digits) -> Array:

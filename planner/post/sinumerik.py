@@ -7,6 +7,7 @@ pass G64 keeps to the written path. Blanks stand only where two names would run 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -29,6 +30,9 @@ from planner.post.units import INCH_MM, in_unit
 from planner.post.written import ControlLimits, Written, rounding_budgets_mm
 
 _FINEST_DECIMALS = 8
+_HEAD_DECIMALS = 4
+_HEAD_DECIMALS_INCH = 5
+_NO_STEP = 1e-6  # of the last digit: what the division by the unit may leave
 _LONGEST_NAME = 24
 
 
@@ -38,6 +42,7 @@ class _Page:
 
     numbers: str
     unit_mm: float
+    decimals: int
     lines: list[str] = field(default_factory=list)
     restart_points: list[RestartRow] = field(default_factory=list)
     blocks: int = 0
@@ -51,7 +56,12 @@ class _Page:
 
     def length(self, value_mm: float) -> str:
         """A length or a feed of head, moves and tail in the program's unit."""
-        return plain(value_mm / self.unit_mm)
+        return plain(value_mm / self.unit_mm, self.decimals)
+
+    def height(self, value_mm: float) -> str:
+        """A height to stay clear of the part: never below the value, whatever the unit."""
+        scale = 10.0**self.decimals
+        return plain(math.ceil(value_mm / self.unit_mm * scale - _NO_STEP) / scale, self.decimals)
 
     def block(self, text: str, *, starts_pass: bool = False) -> None:
         if self.numbers == "all" or (starts_pass and self.numbers == "pass"):
@@ -77,7 +87,8 @@ def write_sinumerik(
 ) -> Written:
     """The program for a SINUMERIK 840D; raises InputRejected where its language has no words for it."""
     texts = pass_texts(job, operation, tool_path, control)
-    page = _Page(job.post.numbers, INCH_MM if control.is_inch else 1.0)
+    decimals = _HEAD_DECIMALS_INCH if control.is_inch else _HEAD_DECIMALS
+    page = _Page(job.post.numbers, INCH_MM if control.is_inch else 1.0, min(decimals, _most_decimals(control)))
     _head(page, job, operation, control, lift_mm)
     for number, text in enumerate(texts, 1):
         if text.blocks:
@@ -113,7 +124,7 @@ def pass_texts(job: Job, operation: Operation, tool_path: ToolPath, control: Con
 def _texts(job: Job, path_mm: float, tool_path: ToolPath, control: ControlLimits) -> list[PassText]:
     drop_z_mm = tool_path.radius_mm if job.post.reference == "tip" else 0.0
     budgets_mm = rounding_budgets_mm(path_mm, tool_path)
-    most = _FINEST_DECIMALS if control.decimals is None else control.decimals
+    most = _most_decimals(control)
     shapes = {type(one.shape) for one in tool_path.passes}
     fine = np.minimum(decimals_within(budgets_mm), most)
     if shapes == {Polyline}:
@@ -146,6 +157,10 @@ def _bsplines(
         knot_rule=control.knot_rule,
         min_blocks=control.min_spline_blocks,
     )
+
+
+def _most_decimals(control: ControlLimits) -> int:
+    return _FINEST_DECIMALS if control.decimals is None else min(control.decimals, _FINEST_DECIMALS)
 
 
 def _rounding_mm(tool_path: ToolPath, texts: Sequence[PassText]) -> float:
@@ -201,7 +216,7 @@ def _head(page: _Page, job: Job, operation: Operation, control: ControlLimits, l
         page.block("M0")
         page.block("MSG()")
     page.block(f"D{tool.edge}")
-    page.block(f"G0 Z{page.length(job.setup.safe_z_mm)}")
+    page.block(f"G0 Z{page.height(job.setup.safe_z_mm)}")
     page.block(f"S{plain(operation.spindle_rpm)} M3")
     if operation.spindle_dwell_s:
         page.block(f"G4 F{plain(operation.spindle_dwell_s)}")
@@ -210,7 +225,7 @@ def _head(page: _Page, job: Job, operation: Operation, control: ControlLimits, l
 
 
 def _pass(page: _Page, job: Job, operation: Operation, number: int, text: PassText) -> None:
-    clearance = f"Z{page.length(job.setup.clearance_z_mm)}"
+    clearance = f"Z{page.height(job.setup.clearance_z_mm)}"
     is_first = not page.restart_points
     page.restart_points.append(
         restart_row(
@@ -233,7 +248,7 @@ def _pass(page: _Page, job: Job, operation: Operation, number: int, text: PassTe
 
 def _tail(page: _Page, job: Job, control: ControlLimits) -> None:
     if job.setup.safe_z_mm != job.setup.clearance_z_mm:
-        page.block(f"Z{page.length(job.setup.safe_z_mm)}")
+        page.block(f"Z{page.height(job.setup.safe_z_mm)}")
     page.block("M9")
     page.block("M5")
     _retract(page, control)
@@ -265,6 +280,11 @@ def _warnings(
                 f"path_mm allows {operation.path_mm * 1000:g}{reads}"
             )
             break
+    if control.retract_z_mm is None:
+        found.append(
+            "the profile has no retract_z_mm, so the tool is changed and the program ends where Z stands; "
+            "put the machine height of a safe tool change into its [control]"
+        )
     if operation.path_mm < 1.5 * control.resolution_mm:
         found.append(
             f"the control rounds positions to {control.resolution_mm * 1000:g} um, "

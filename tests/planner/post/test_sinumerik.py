@@ -29,6 +29,26 @@ def written(shapes, limits=LIMITS, angle_rad=0.0, deviation_mm=0.0009, lift_mm=0
     return write_program(made, made.operation[0], path, limits, lift_mm=lift_mm)
 
 
+def test_no_number_has_more_decimals_than_the_control_reads() -> None:
+    """Feeds and heights of head and tail too; heights are never rounded down into the clearance (6.8)."""
+    limits = dataclasses.replace(LIMITS, decimals=2, is_inch=True)
+    for blocks in ("linear", "poly", "bspline"):
+        shape = polyline(1, 4) if blocks == "linear" else spline(1)
+        program = written([shape], limits, blocks=blocks).data.decode()
+        body = program.split("G94\n", 1)[1]
+        assert re.findall(r"\.\d{3,}", body) == []
+        heights = [float(text) for text in re.findall(r"G0 ?Z([.\d]+)", body)]
+        assert heights == [1.97, 0.4]  # 50 and 10 mm
+
+
+def test_a_profile_without_a_height_for_the_tool_change_is_warned_of() -> None:
+    """The height is the machine's, nobody can guess it; the warning names the key (6.8)."""
+    assert not any("retract_z_mm" in one for one in written([polyline(1, 3)], blocks="linear").warnings)
+    result = written([polyline(1, 3)], ControlLimits(), blocks="linear")
+    assert b"SUPA" not in result.data
+    assert any("no retract_z_mm" in one for one in result.warnings)
+
+
 def test_whole_program_of_two_passes() -> None:
     """Head, numbered pass starts, exact stop at the plunge, tail as the control wants them (6.8, 1.2)."""
     program = written([polyline(1, 3), polyline(2, 3)], blocks="linear").data.decode().splitlines()
