@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from dnc.errors import InputRejected
-from dnc.restart import Heights, RestartPoint, clear_points
+from dnc.restart import Heights, RestartPoint, clear_points, height_text, retract_blocks
 from sim.interpreter.settings import Settings
 
 _HEADER = re.compile(rb"^%_N_([A-Za-z0-9_]+)_(MPF|SPF)[ \t]*$")
@@ -32,7 +32,6 @@ def split_program(data: bytes, most_bytes: int, heights: Heights, settings: Sett
     if len(data) <= most_bytes:
         return [Part(data, 1, last_line)]
     places = list(clear_points(data, heights, settings))
-    closing = _closing(heights)
     parts: list[Part] = []
     begin: RestartPoint | None = None
     while True:
@@ -40,15 +39,23 @@ def split_program(data: bytes, most_bytes: int, heights: Heights, settings: Sett
         first_line = begin.line if begin else 1
         if len(opening) + len(data) - body_at <= most_bytes:
             return [*parts, Part(opening + data[body_at:], first_line, last_line)]
-        room = most_bytes - len(opening) - len(closing)
-        fitting = [place for place in places if body_at < place.offset_bytes <= body_at + room]
-        if not fitting:
+        room = most_bytes - len(opening)
+        reachable = [place for place in places if body_at < place.offset_bytes <= body_at + room]
+        end = next(
+            (
+                place
+                for place in reversed(reachable)
+                if place.offset_bytes - body_at + len(_closing(heights, place)) <= room
+            ),
+            None,
+        )
+        if end is None:
             raise InputRejected(
                 f"the blocks from line {first_line} on do not fit into {most_bytes} bytes up to the next clear place",
                 remedy="allow larger parts, or plan with a coarser tolerance",
             )
-        end = fitting[-1]
-        parts.append(Part(opening + data[body_at : end.offset_bytes] + closing, first_line, end.line - 1))
+        body = data[body_at : end.offset_bytes] + _closing(heights, end)
+        parts.append(Part(opening + body, first_line, end.line - 1))
         begin = end
 
 
@@ -64,8 +71,8 @@ def _opening(data: bytes, begin: RestartPoint | None, number: int) -> tuple[byte
     return b"".join(line + b"\n" for line in [*header, *kept, *preamble]), begin.offset_bytes
 
 
-def _closing(heights: Heights) -> bytes:
+def _closing(heights: Heights, end: RestartPoint) -> bytes:
     """How a part ends: up, coolant and spindle off, away, end."""
-    away = [f"G0 SUPA Z{heights.retract_z_mm:g} D0"] if heights.retract_z_mm is not None else []
-    blocks = ["G40 G90", f"G0 Z{heights.safe_z_mm:g}", "M9", "M5", *away, "M30"]
+    up = f"G0 Z{height_text(heights.safe_z_mm, end.unit_mm)}"
+    blocks = [f"G40 {end.unit_code} G90", up, "M9", "M5", *retract_blocks(heights, end.unit_mm), "M30"]
     return "".join(f"{block}\n" for block in blocks).encode("ascii")

@@ -112,6 +112,37 @@ def test_modes_frame_and_offset_are_those_before_the_block() -> None:
     assert now.frame.shift == then.frame.shift
 
 
+@pytest.mark.parametrize("is_inch", [False, True])
+def test_a_program_in_inches_goes_on_in_inches(is_inch: bool) -> None:
+    """(6.8) The preamble is in millimetres and sets the unit last, on a metric and on an inch machine."""
+    settings = Settings(start_mm=(7.0, 7.0, 300.0), is_inch=is_inch)
+    head = HEAD.replace("G71", "G700").replace("Z50", "Z2").replace("Z10", "Z.5")
+    data = (head + "G1 Z.1 F4\nG641 ADIS=.01\nX1 F10\nX2 Y1\nG0 Z2\nM30\n").encode()
+    point = restart_at_line(data, len(HEAD.splitlines()) + 4, HEIGHTS, settings)
+    commands, before = run_from(data, point, settings)
+    rest, whole = cutting(commands[before:]), cutting(list(interpret(data, settings)))
+    assert [(one.start, one.end) for one in rest] == [(pytest.approx(whole[-1].start), pytest.approx(whole[-1].end))]
+    assert rest[0].feed_mm_min == 254.0
+    modes = [one for one in commands[:before] if isinstance(one, canon.SetPathMode)]
+    assert modes[-1].tolerance_mm == pytest.approx(0.254)
+    resumed = resumed_interpreter(Interpreter(settings).state, settings)
+    assert resumed is not None
+    assert resumed.state.is_inch == is_inch
+
+
+def test_without_a_changer_the_operator_is_told_the_tool() -> None:
+    """(6.8) T and M0 with a message, in the preamble too."""
+    point = restart_at_number(program(), 2, HEIGHTS, Settings(has_tool_changer=False))
+    at = point.preamble.index("T2")
+    assert point.preamble[at - 1 : at + 3] == ('MSG("TOOL 2")', "T2", "M0", "MSG()")
+
+
+def test_a_place_behind_an_alarm_is_refused_with_the_alarm() -> None:
+    """(6.8)"""
+    with pytest.raises(InputRejected, match=r"line 3 is not reached.*line 2 with alarm 12470: G777"):
+        restart_at_line(b"G17\nG777\nG0 X1\nM30\n", 3, HEIGHTS)
+
+
 def test_an_offset_that_is_not_the_reference_is_respected() -> None:
     """Position words count in the offset and frame that are active at the block (6.8)."""
     settings = Settings(work_offsets_mm={"G54": (100.0, 0.0, 0.0), "G55": (0.0, 50.0, 7.0)}, start_mm=(0, 0, 300))

@@ -21,7 +21,7 @@ from planner.post.stamp import read_stamp
 from planner.post.written import ControlLimits
 from sim.interpreter import canon
 from sim.interpreter.run import interpret
-from tests.planner.post.paths import THESIS, job, spline, tool_path
+from tests.planner.post.paths import THESIS, job, polyline, spline, tool_path
 
 HEIGHTS = Heights(safe_z_mm=50.0, clearance_z_mm=10.0, plunge_mm_min=100.0, dwell_s=2.0, retract_z_mm=400.0)
 
@@ -62,6 +62,21 @@ def test_every_part_is_clean_stamped_and_named() -> None:
         for line, raw in enumerate(part.data.splitlines(keepends=True), 1):
             check.line(raw, line)
         assert check.finish().findings == []
+
+
+def test_parts_of_an_inch_program_cut_the_same() -> None:
+    """(6.8) Heights of preamble and end are in millimetres whatever the program's unit."""
+    made = job(blocks="linear")
+    shapes = [polyline(number) for number in range(9)]
+    limits = ControlLimits(retract_z_mm=400.0, is_inch=True)
+    data = write_program(made, made.operation[0], tool_path(shapes), limits).data
+    parts = split_program(data, 1200, HEIGHTS)
+    assert len(parts) > 2
+    assert [cut for part in parts for cut in cuts(part.data)] == cuts(data)
+    for part in parts:
+        heights = [one.end[2] for one in interpret(part.data) if isinstance(one, canon.Rapid)]
+        assert max(heights) == pytest.approx(400.0, abs=1e-3)
+        assert any(50.0 <= height < 50.001 for height in heights)
 
 
 def test_what_fits_stays_whole() -> None:
