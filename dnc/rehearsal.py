@@ -8,6 +8,7 @@ import select
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from dnc.errors import PortUnavailable
@@ -17,9 +18,24 @@ _END_S = 5.0
 
 
 @contextlib.contextmanager
-def rehearsal_mill(machine: str, speed: float) -> Iterator[tuple[str, int]]:
-    """Start `dnc mill` and give its pty and effective baud rate; ends it afterwards."""
-    words = [sys.executable, "-m", "dnc", "mill", "--machine", machine, "--speed", str(speed)]
+def rehearsal_mill(machine: str, speed: float, programs: Path, job: Path | None = None) -> Iterator[tuple[str, int]]:
+    """Start `dnc mill` and give its pty and effective baud rate; ends it afterwards.
+
+    `programs` is the folder of the subprograms that it has in its memory, `job` tells it the tool radii.
+    """
+    words = [
+        sys.executable,
+        "-m",
+        "dnc",
+        "mill",
+        "--machine",
+        machine,
+        "--speed",
+        str(speed),
+        "--programs",
+        str(programs),
+    ]
+    words += [] if job is None else ["--nominal", str(job)]
     child = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, start_new_session=True)
     try:
         ready = _first_line(child)

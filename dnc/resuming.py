@@ -7,15 +7,16 @@ preamble is shown and the operator asked before anything is sent; nothing ever r
 from __future__ import annotations
 
 import hashlib
-import json
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 
-from dnc.errors import InputRejected, JournalMismatch, PortUnavailable, SettingsRejected
+from dnc.control_side import settings_of
+from dnc.errors import InputRejected, JournalMismatch, PortUnavailable
 from dnc.joblist import PastJob, past_jobs
 from dnc.places import state_folder
 from dnc.port import Port
@@ -23,8 +24,9 @@ from dnc.profile import MachineProfile
 from dnc.progress import printable
 from dnc.record import in_doubt
 from dnc.restart import Heights, RestartPoint, restart_at_line, restart_at_number
+from dnc.sidecar import Point, Sidecar, State, load_sidecar
 from dnc.tape import Tape
-from sim.interpreter.settings import KnotRule, Settings
+from planner.job import Job
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,16 +61,20 @@ class Plan:
         raise PortUnavailable(f"{what}; plug in the right one, or --force")
 
 
-def plan_restart(program: Path, tape: Tape, profile: MachineProfile, start_at: str | None, *, is_forced: bool) -> Plan:
+def plan_restart(
+    program: Path, tape: Tape, profile: MachineProfile, start_at: str | None, job: Job | None, *, is_forced: bool
+) -> Plan:
     """Where to begin and with which preamble; `start_at` is a block or a line, None resumes the last job.
 
+    Tool radii are the job's; without one that of the sidecar's tool is known.
     Raises JournalMismatch (no such job, another program), InputRejected (no such block, cannot be restored).
     """
     data = program.read_bytes()
-    sidecar = _sidecar(program, data)
-    points: list[dict[str, Any]] = sidecar["restart_points"]
-    settings = Settings(knot_rule=KnotRule(profile.control.knot_rule))
-    heights = _heights(sidecar)
+    sidecar = _sidecar_of(program, data)
+    points = sidecar.restart_points
+    radii_mm = {sidecar.state.tool: sidecar.radius_mm} if job is None else job.tool_radii_mm
+    settings = settings_of(profile, tool_radii_mm=radii_mm, subprogram_folder=program.parent)
+    heights = _heights(sidecar.state, profile)
     if start_at is None:
         line = _last_point_before(points, _first_in_doubt(tape, profile), program)
         point = restart_at_line(data, line, heights, settings)
@@ -78,7 +84,7 @@ def plan_restart(program: Path, tape: Tape, profile: MachineProfile, start_at: s
         point = restart_at_line(data, int(start_at), heights, settings)
     else:
         raise click.UsageError(f"--start-at {start_at}: name a block such as N120, or a line such as 57")
-    if not is_forced and point.line not in {known["line"] for known in points}:
+    if not is_forced and point.line not in {known.line for known in points}:
         near = _nearest(points, point.line)
         raise InputRejected(
             f"line {point.line} is no restart point of the planner", path=program, remedy=f"{near}, or --force"
@@ -105,12 +111,12 @@ def _sha_of(past: PastJob) -> str | None:
     return sha if isinstance(sha, str) else None
 
 
-def refuse_findings(program: Path, profile: MachineProfile) -> None:
+def refuse_findings(program: Path, profile: MachineProfile, job: Job | None) -> None:
     """--check: raise InputRejected if `dnc check` finds an error; nothing skips this."""
     from dnc.check.run import check_program
-    from dnc.check.track import Limits
+    from dnc.check.track import limits_of
 
-    done = check_program(program, Limits(profile))
+    done = check_program(program, limits_of(profile, job))
     errors = [finding for finding in done.found.findings if finding.severity.value == "error"]
     for finding in errors:
         click.echo(f"dnc: {finding.sentence(program.name)}", err=True)
@@ -120,29 +126,20 @@ def refuse_findings(program: Path, profile: MachineProfile) -> None:
         )
 
 
-def _sidecar(program: Path, data: bytes) -> dict[str, Any]:
-    path = program.with_name(program.name + ".json")
-    try:
-        sidecar = json.loads(path.read_text())
-    except (OSError, ValueError):
-        raise SettingsRejected(
-            "a restart needs the planner's sidecar (heights, restart points)",
-            path=path,
-            remedy="plan the program again, or send it from its start",
-        ) from None
-    if sidecar.get("sha256") != hashlib.sha256(data).hexdigest():
-        raise JournalMismatch(f"{path}: the sidecar belongs to another version of the program; plan it again")
-    assert isinstance(sidecar, dict)
+def _sidecar_of(program: Path, data: bytes) -> Sidecar:
+    sidecar = load_sidecar(program)
+    if sidecar.sha256 != hashlib.sha256(data).hexdigest():
+        raise JournalMismatch(f"{program}.json: the sidecar belongs to another version of the program; plan it again")
     return sidecar
 
 
-def _heights(sidecar: dict[str, Any]) -> Heights:
-    state = sidecar["state"]
+def _heights(state: State, profile: MachineProfile) -> Heights:
     return Heights(
-        safe_z_mm=state["safe_z_mm"],
-        clearance_z_mm=state["clearance_z_mm"],
-        plunge_mm_min=state["plunge_mm_min"],
-        dwell_s=state["spindle_dwell_s"],
+        safe_z_mm=state.safe_z_mm,
+        clearance_z_mm=state.clearance_z_mm,
+        plunge_mm_min=state.plunge_mm_min,
+        dwell_s=state.spindle_dwell_s,
+        retract_z_mm=profile.control.retract_z_mm,
     )
 
 
@@ -173,8 +170,8 @@ def _restarted(past: PastJob) -> str | None:
     return restart.get("program_sha256") if isinstance(restart, dict) else None
 
 
-def _last_point_before(points: list[dict[str, Any]], line: int, program: Path) -> int:
-    before = [int(point["line"]) for point in points if point["line"] <= line]
+def _last_point_before(points: Sequence[Point], line: int, program: Path) -> int:
+    before = [point.line for point in points if point.line <= line]
     if not before:
         raise InputRejected(
             f"line {line} is in doubt and no restart point lies before it",
@@ -184,12 +181,12 @@ def _last_point_before(points: list[dict[str, Any]], line: int, program: Path) -
     return max(before)
 
 
-def _nearest(points: list[dict[str, Any]], line: int) -> str:
-    before = [point for point in points if point["line"] <= line]
+def _nearest(points: Sequence[Point], line: int) -> str:
+    before = [point for point in points if point.line <= line]
     if not before:
         return "send it from its start"
-    point = max(before, key=lambda known: known["line"])
-    return f"use N{point['block']}" if point["block"] is not None else f"use line {point['line']}"
+    point = max(before, key=lambda known: known.line)
+    return f"use N{point.block}" if point.block is not None else f"use line {point.line}"
 
 
 def _planned(data: bytes, point: RestartPoint, tape: Tape) -> Plan:

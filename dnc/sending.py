@@ -29,6 +29,8 @@ from dnc.rehearsal import rehearsal_mill
 from dnc.spool import load_tape
 from dnc.stamp import refuse_contradiction
 from dnc.tape import Tape
+from planner.job import Job as PlannedJob
+from planner.job import load_job
 
 if TYPE_CHECKING:
     from dnc.resuming import Plan
@@ -50,6 +52,7 @@ class Wishes:
     start_at: str | None
     resume: bool
     check_first: bool
+    job: Path | None
     report: Path | None
     yes: bool
     force: bool
@@ -66,6 +69,7 @@ def send(wishes: Wishes) -> int:
     if (wishes.port is None) == (not wishes.dry_run):
         raise click.UsageError("give --port PORT, or --dry-run for the virtual mill")
     profile = effective_profile(wishes)
+    job = None if wishes.job is None else load_job(wishes.job)
     if wishes.report is not None and not wishes.report.parent.is_dir():
         raise SettingsRejected(f"the folder of {wishes.report} does not exist", remedy="create it")
     tape = _load(wishes.program, profile)
@@ -75,9 +79,9 @@ def send(wishes: Wishes) -> int:
         if wishes.check_first:
             from dnc.resuming import refuse_findings
 
-            refuse_findings(wishes.program, profile)
+            refuse_findings(wishes.program, profile, job)
         if wishes.start_at is not None or wishes.resume:
-            tape, plan = _restarted(tape, profile, wishes)
+            tape, plan = _restarted(tape, profile, wishes, job)
         with _port(wishes, profile) as (port, profile):
             try:
                 refuse_overrun(tape, profile, port, is_forced=wishes.force)
@@ -93,13 +97,13 @@ def send(wishes: Wishes) -> int:
     return _ending(finished, wishes)
 
 
-def _restarted(tape: Tape, profile: MachineProfile, wishes: Wishes) -> tuple[Tape, Plan]:
+def _restarted(tape: Tape, profile: MachineProfile, wishes: Wishes, job: PlannedJob | None) -> tuple[Tape, Plan]:
     """The tape of a restart in place of the whole program's, once the operator agreed."""
     from dnc.resuming import confirm, plan_restart
 
     if wishes.start_at is not None and wishes.resume:
         raise click.UsageError("give --start-at or --resume, not both")
-    plan = plan_restart(wishes.program, tape, profile, wishes.start_at, is_forced=wishes.force)
+    plan = plan_restart(wishes.program, tape, profile, wishes.start_at, job, is_forced=wishes.force)
     confirm(plan, is_yes=wishes.yes)
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / wishes.program.name
@@ -199,7 +203,7 @@ def _port(wishes: Wishes, profile: MachineProfile) -> Iterator[tuple[Port, Machi
     if wishes.port is not None:
         yield open_port(wishes.port, profile.link), profile
         return
-    with rehearsal_mill(wishes.machine, wishes.speed) as (name, baud):
+    with rehearsal_mill(wishes.machine, wishes.speed, wishes.program.absolute().parent, wishes.job) as (name, baud):
         scaled = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=baud))
         yield open_port(name, scaled.link), scaled
 

@@ -97,6 +97,11 @@ class Job(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """The tool an operation names; `load_job` has checked that it exists."""
         return next(tool for tool in self.tool if tool.number == operation.tool)
 
+    @property
+    def tool_radii_mm(self) -> dict[int, float]:
+        """Radii by tool number."""
+        return {tool.number: tool.radius_mm for tool in self.tool}
+
 
 def load_job(path: Path) -> Job:
     """The job in this file; raises InputRejected with file and line for anything that cannot be planned."""

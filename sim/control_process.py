@@ -60,7 +60,7 @@ def _work(wire: Wire, setup: Setup) -> None:
         if log is not None:
             log.add(samples)
 
-    mill = LiveMill(setup.profile, setup.faults, keep, setup.tool_radii_mm)
+    mill = LiveMill(setup.profile, setup.faults, keep, setup.tool_radii_mm, setup.subprogram_folder)
     modbus = _serve_modbus(setup)
     modbus.show(mill.panel())
     try:

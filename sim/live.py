@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from enum import Enum
 from functools import partial
+from pathlib import Path
 
 from sim.control import Control, Execution, Happening
 from sim.faults import Faults, Moment
@@ -56,6 +57,7 @@ class LiveMill:
         faults: Faults,
         log: Callable[[Samples], None],
         tool_radii_mm: Mapping[int, float] | None = None,
+        subprogram_folder: Path | None = None,
     ) -> None:
         self.profile, self.faults = profile, faults
         self.control = Control()
@@ -65,7 +67,9 @@ class LiveMill:
         self.blocks = 0
         self.begun_s: float | None = None
         self.completed_s: float | None = None
-        settings = settings_of(profile, is_drip_fed=True, tool_radii_mm=tool_radii_mm)
+        settings = settings_of(
+            profile, is_drip_fed=True, tool_radii_mm=tool_radii_mm, subprogram_folder=subprogram_folder
+        )
         self._interpreter = Interpreter(settings)
         self._start_mm = settings.start_mm
         self._has_moved = False

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -42,14 +43,21 @@ class Recording:
 
 
 def settings_of(
-    profile: MillProfile, *, is_drip_fed: bool, tool_radii_mm: Mapping[int, float] | None = None
+    profile: MillProfile,
+    *,
+    is_drip_fed: bool,
+    tool_radii_mm: Mapping[int, float] | None = None,
+    subprogram_folder: Path | None = None,
 ) -> Settings:
     """The control's side of interpreting, as the machine profile has it; radii by tool number, for G41 and G42."""
     return Settings(
         knot_rule=KnotRule(profile.knot_rule),
         g28=G28(profile.g28),
         backward_jump_alarm=profile.backward_jump_alarm,
+        has_tool_changer=profile.has_tool_changer,
+        is_inch=profile.is_inch,
         is_drip_fed=is_drip_fed,
+        subprogram_folder=subprogram_folder,
         tools={number: Tool(radius_mm) for number, radius_mm in (tool_radii_mm or {}).items()},
     )
 
@@ -60,9 +68,11 @@ def rehearse(
     *,
     override_percent: float = 100.0,
     tool_radii_mm: Mapping[int, float] | None = None,
+    subprogram_folder: Path | None = None,
 ) -> Recording:
     """Interpret and cut a whole program with a buffer that never runs dry; cycle start follows every stop at once."""
-    commands = list(interpret_bulk(data, settings_of(profile, is_drip_fed=False, tool_radii_mm=tool_radii_mm)))
+    settings = settings_of(profile, is_drip_fed=False, tool_radii_mm=tool_radii_mm, subprogram_folder=subprogram_folder)
+    commands = list(interpret_bulk(data, settings))
     machine = Machine(profile, profile.block_cycle_s)
     machine.set_override(override_percent)
     for command in commands:

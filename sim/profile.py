@@ -40,6 +40,8 @@ class MillProfile:
     knot_rule: str
     g28: str
     backward_jump_alarm: int
+    has_tool_changer: bool
+    is_inch: bool
     resolution_mm: float
     tool_length_reference: str
     receive_buffer_bytes: int
@@ -75,6 +77,8 @@ class _Control(msgspec.Struct, frozen=True):
     g28: Literal["iso", "alarm", "ignore"] = "iso"
     backward_jump_alarm: Annotated[int, Meta(ge=1, le=999_999)] = 14000
     tool_length_reference: str = "tip"
+    has_tool_changer: bool = True
+    units: Literal["mm", "inch"] = "mm"
 
 
 class _Axis(msgspec.Struct, frozen=True):
@@ -112,6 +116,8 @@ def load_mill_profile(path: Path) -> MillProfile:
         knot_rule=control.knot_rule,
         g28=control.g28,
         backward_jump_alarm=control.backward_jump_alarm,
+        has_tool_changer=control.has_tool_changer,
+        is_inch=control.units == "inch",
         resolution_mm=control.resolution_mm,
         tool_length_reference=control.tool_length_reference,
         receive_buffer_bytes=control.receive_buffer_bytes,

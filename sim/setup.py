@@ -14,7 +14,7 @@ from sim.profile import MillProfile
 class Setup:
     """For the control's process; paths are absent where nothing is wanted. `probe_pitch_mm` is the verdict's.
 
-    `tool_radii_mm` is by tool number, for G41 and G42.
+    `tool_radii_mm` is by tool number, for G41 and G42; `subprogram_folder` holds what the control has in its memory.
     """
 
     profile: MillProfile
@@ -28,3 +28,4 @@ class Setup:
     probe_pitch_mm: float
     plot: Path | None = None
     tool_radii_mm: Mapping[int, float] = field(default_factory=dict)
+    subprogram_folder: Path | None = None

@@ -29,6 +29,7 @@ from dnc.check.rate import RateWindow, move_time_s, rate_findings, whole_ns
 from dnc.check.text_rules import LINE_RULES, UTF8_MARK, UTF16_MARKS, allowed_lines, encoding_mark, is_clean
 from dnc.check.track import Limits, Track
 from dnc.check.word_rules import BLOCK_RULES, NUMBER_RULES, idle_words, iso_comment
+from dnc.control_side import settings_of
 from dnc.errors import InputRejected
 from dnc.restart import resumed_interpreter
 from planner.gcode import Block, SyntaxProblem, read_block
@@ -37,7 +38,7 @@ from sim.interpreter import canon
 from sim.interpreter.bulk import straight_run
 from sim.interpreter.plain import PlainLines, plain_lines
 from sim.interpreter.run import Interpreter
-from sim.interpreter.settings import G28, KnotRule, Settings, Tool
+from sim.interpreter.settings import Settings
 
 _LINE_LIMIT_BYTES = 65536
 _STAMP_LINES = 10
@@ -57,7 +58,7 @@ class Check:
         self._watch = watch
         self.found = Collection()
         self.track = Track(limits)
-        self._settings = settings or settings_of(limits)
+        self._settings = settings or settings_of(limits.profile, tool_radii_mm=limits.tool_radii_mm)
         self._interpreter: Interpreter | None = Interpreter(self._settings)
         self._windows = (RateWindow(1.0), RateWindow(1.2))
         self._errors_here = False
@@ -238,19 +239,6 @@ class Check:
         return size_bytes
 
 
-def settings_of(limits: Limits, subprogram_folder: Path | None = None) -> Settings:
-    """The control's side of interpreting a program that is fed, as the machine profile and the job have it."""
-    control = limits.profile.control
-    return Settings(
-        knot_rule=KnotRule(control.knot_rule),
-        g28=G28(control.g28),
-        backward_jump_alarm=control.backward_jump_alarm,
-        is_drip_fed=True,
-        subprogram_folder=subprogram_folder,
-        tools={number: Tool(radius_mm) for number, radius_mm in limits.tool_radii_mm.items()},
-    )
-
-
 def chunks_of(path: Path) -> Iterator[bytes]:
     """A program in chunks of whole lines, of a line beyond 64 KiB no more than its head; raises InputRejected."""
     if not path.is_file():
@@ -281,7 +269,8 @@ def check_program(path: Path, limits: Limits, progress: Progress | None = None, 
         raise InputRejected(
             f"checking programs for {dialect} is not built yet", path=path, remedy="name a SINUMERIK machine"
         )
-    check = Check(limits, settings_of(limits, path.parent), watch)
+    settings = settings_of(limits.profile, tool_radii_mm=limits.tool_radii_mm, subprogram_folder=path.parent)
+    check = Check(limits, settings, watch)
     line, done_bytes = 1, 0
     for chunk in chunks_of(path):
         if line == 1 and chunk.startswith(UTF16_MARKS):

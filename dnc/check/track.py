@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dnc.profile import MachineProfile
 from planner.gcode import GROUP_OF, Block, ModalGroup, code_of, header_name
+from planner.job import Job
 from sim.interpreter import canon
 
 Box = tuple[canon.Vector, canon.Vector]
@@ -26,6 +27,13 @@ class Limits:
     clearance_z_mm: float | None = None
     stock_box_mm: Box | None = None
     tool_radii_mm: Mapping[int, float] = field(default_factory=dict)
+
+
+def limits_of(profile: MachineProfile, job: Job | None) -> Limits:
+    """The limits of a machine, with those of the job where there is one."""
+    if job is None:
+        return Limits(profile)
+    return Limits(profile, job.setup.clearance_z_mm, job.setup.stock_box_mm, job.tool_radii_mm)
 
 
 @dataclass(frozen=True, slots=True)

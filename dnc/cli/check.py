@@ -54,18 +54,14 @@ def command(
 def _limits(machine: str, job: Path | None, baud: int | None) -> Limits:
     import msgspec
 
-    from dnc.check.track import Limits
+    from dnc.check.track import limits_of
     from dnc.profile import load_profile, profile_path
     from planner.job import load_job
 
     profile = load_profile(profile_path(machine))
     if baud is not None:
         profile = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=baud))
-    if job is None:
-        return Limits(profile)
-    loaded = load_job(job)
-    radii_mm = {tool.number: tool.radius_mm for tool in loaded.tool}
-    return Limits(profile, loaded.setup.clearance_z_mm, loaded.setup.stock_box_mm, radii_mm)
+    return limits_of(profile, None if job is None else load_job(job))
 
 
 def _write_sheet(sheet: Path, program: Path, machine: str, watch: SheetWatch, done: Check) -> None:
@@ -76,7 +72,8 @@ def _write_sheet(sheet: Path, program: Path, machine: str, watch: SheetWatch, do
 
     machining_s = None
     if not done.found.has_errors:
-        machining_s = machining_clock(profile_path(machine), program.parent)(program.read_bytes())
+        clock = machining_clock(profile_path(machine), program.parent, done.limits.tool_radii_mm)
+        machining_s = clock(program.read_bytes())
     need_bytes_s, blocks = done.need_bytes_s, done.track.blocks
     page = program_sheet(program, watch, done.found, blocks, need_bytes_s=need_bytes_s, machining_s=machining_s)
     if page is None:

@@ -18,6 +18,7 @@ import click
 @click.option("--seed", type=int, default=1, show_default=True, help="of everything random")
 @click.option("--fault", "faults", multiple=True, metavar="NAME=VALUE", help="what goes wrong; a wrong name lists them")
 @click.option("--nominal", type=click.Path(path_type=Path), help="job file: measure against its design; tool radii")
+@click.option("--programs", type=click.Path(path_type=Path), help="folder of the subprograms in its memory")
 @click.option("--probe-pitch", type=click.FloatRange(min=0.001), default=0.1, show_default=True, help="mm")
 @click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON at the end")
 @click.option("--motion", type=click.Path(path_type=Path), help="write the motion log as CSV")
@@ -31,6 +32,7 @@ def command(
     seed: int,
     faults: tuple[str, ...],
     nominal: Path | None,
+    programs: Path | None,
     probe_pitch: float,
     report: Path | None,
     motion: Path | None,
@@ -54,6 +56,8 @@ def command(
 
     if plot is not None and nominal is None:
         raise click.UsageError("--plot needs the design surface; name the job file with --nominal")
+    if programs is not None and not programs.is_dir():
+        raise click.UsageError(f"--programs {programs}: is no folder")
     path = profile_path(machine, config_folder() / "machines")
     profile = load_mill_profile(path)
     host, port = _address(modbus) if modbus else (load_profile(path).modbus.host, load_profile(path).modbus.port)
@@ -68,7 +72,8 @@ def command(
         motion=motion,
         probe_pitch_mm=probe_pitch,
         plot=plot,
-        tool_radii_mm={} if nominal is None else {tool.number: tool.radius_mm for tool in load_job(nominal).tool},
+        tool_radii_mm={} if nominal is None else load_job(nominal).tool_radii_mm,
+        subprogram_folder=programs,
     )
     wishes = Wishes(seed=seed, fault_words=faults, link=link, report=report)
     return run_mill(setup, wishes, lambda ready: click.echo(json.dumps(ready)))

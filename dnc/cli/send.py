@@ -23,6 +23,9 @@ _HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
 @click.option("--start-at", metavar="N120", help="restart at this block, with a computed preamble")
 @click.option("--resume", is_flag=True, help="restart where the interrupted job of this program stopped")
 @click.option("--check", "check_first", is_flag=True, help="run dnc check first; errors stop the job")
+@click.option(
+    "--job", type=click.Path(path_type=Path), help="job file: tool radii; for --check also stock and clearance"
+)
 @click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON")
 @click.option("--yes", is_flag=True, help="answer the questions of --start-at, --resume and of a job that was stopped")
 @click.option(

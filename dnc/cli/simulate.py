@@ -38,7 +38,10 @@ def command(
     view: Path | None,
     as_json: bool,
 ) -> int:
-    """Interpret, time, cut and measure PROGRAM; no line is used and no machine moves."""
+    """Interpret, time, cut and measure PROGRAM; no line is used and no machine moves.
+
+    Subprograms are looked for beside PROGRAM.
+    """
     import json
 
     from dnc.errors import ExitCode, InputRejected
@@ -57,8 +60,12 @@ def command(
         require_drawing()
     nominal = load_nominal(job) if job is not None else None
     data = read_program(program)
-    radii_mm = {tool.number: tool.radius_mm for tool in load_job(job).tool} if job is not None else None
-    recording = rehearse(data, load_mill_profile(profile_path(machine)), tool_radii_mm=radii_mm)
+    recording = rehearse(
+        data,
+        load_mill_profile(profile_path(machine)),
+        tool_radii_mm=None if job is None else load_job(job).tool_radii_mm,
+        subprogram_folder=program.parent,
+    )
     verdict = _verdict(nominal, recording, pitch) if nominal is not None else None
     made = _report(program, data, machine, recording, verdict)
     if motion is not None:

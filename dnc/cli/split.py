@@ -16,12 +16,15 @@ import click
     "--bytes", "most_bytes", type=click.IntRange(min=200), help="most bytes a part; default: the profile's buffer"
 )
 @click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
-@click.option("--retract-z", type=float, help="machine height before tool change and at the end")
+@click.option(
+    "--retract-z", type=float, help="machine height before tool change and at the end; default: the profile's"
+)
 @click.option("--json", "as_json", is_flag=True, help="the parts as JSON on stdout")
 def command(
     program: Path, output: Path, job: Path, most_bytes: int | None, machine: str, retract_z: float | None, as_json: bool
 ) -> int:
     """Cut PROGRAM where the tool stands clear; each part restores tool, spindle, frames and modes, and ends itself."""
+    from dnc.control_side import settings_of
     from dnc.planning import read_program, write_file
     from dnc.profile import load_profile, profile_path
     from dnc.restart import Heights
@@ -29,6 +32,7 @@ def command(
     from planner.errors import InputRejected
     from planner.job import load_job
 
+    profile = load_profile(profile_path(machine))
     loaded = load_job(job)
     operation = loaded.operation[0]
     heights = Heights(
@@ -36,10 +40,13 @@ def command(
         clearance_z_mm=loaded.setup.clearance_z_mm,
         plunge_mm_min=operation.plunge_mm_min,
         dwell_s=operation.spindle_dwell_s,
-        retract_z_mm=retract_z,
+        retract_z_mm=profile.control.retract_z_mm if retract_z is None else retract_z,
     )
-    limit = most_bytes or load_profile(profile_path(machine)).control.receive_buffer_bytes
-    parts = split_program(read_program(program), limit, heights)
+    settings = settings_of(
+        profile, tool_radii_mm=loaded.tool_radii_mm, subprogram_folder=program.parent, is_drip_fed=False
+    )
+    limit = most_bytes or profile.control.receive_buffer_bytes
+    parts = split_program(read_program(program), limit, heights, settings)
     if not output.is_dir():
         raise InputRejected("is no folder", path=output, remedy="make it first")
     names = [output / f"{program.stem}-{number}{program.suffix}" for number in range(1, len(parts) + 1)]

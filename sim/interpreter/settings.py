@@ -41,7 +41,8 @@ class Settings:
     while that offset is active, and stay continuous when another one is. `work_offsets_mm` gives machine positions of
     the work origins (default zero). `start_mm` is where the machine stands before the first block, in canonical
     coordinates. `skip_levels` are the levels selected at the panel. `backward_jump_alarm` is what a drip-fed program
-    raises when it jumps back. `max_repeats` bounds every loop: jumps and blocks that run again, added up.
+    raises when it jumps back. `is_inch` is the basic system: the unit until a code sets one, and that of feeds under
+    G70 and G71. `max_repeats` bounds every loop: jumps and blocks that run again, added up.
     """
 
     knot_rule: KnotRule = KnotRule.NX
@@ -51,6 +52,7 @@ class Settings:
     subprogram_folder: Path | None = None
     tools: Mapping[int, Tool] = field(default_factory=lambda: MappingProxyType({}))
     has_tool_changer: bool = True
+    is_inch: bool = False
     reference_offset: str = "G54"
     work_offsets_mm: Mapping[str, Vector] = field(default_factory=lambda: MappingProxyType({}))
     reference_point_mm: Vector = (0.0, 0.0, 0.0)

@@ -26,6 +26,7 @@ class State:
     plane: str = "G17"
     dimension: str = "G90"
     units: str = "G71"
+    is_machine_inch: bool = False
     feed_type: str = "G94"
     feed: float | None = None
     work_offset: str = "G500"
@@ -68,6 +69,7 @@ class State:
         return (
             (self.motion, self.dimension, self.feed_type, self.compensation) == ("G1", "G90", "G94", "G40")
             and not self.is_inch
+            and not self.is_feed_inch
             and self.feed is not None
             and self.feed_axes is None
             and self.frame.is_identity_matrix
@@ -81,8 +83,8 @@ class State:
 
     @property
     def is_feed_inch(self) -> bool:
-        """Whether feeds are inches too (G700)."""
-        return self.units == "G700"
+        """Whether feeds are inches too: G700, and on an inch machine whatever is not G710."""
+        return self.units == "G700" or (self.is_machine_inch and self.units != "G710")
 
     @property
     def plane_axes(self) -> tuple[int, int, int]:

@@ -5,7 +5,10 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from dnc.check.run import check_program
+from dnc.check.track import Limits
 from dnc.cli.main import run_with
+from dnc.profile import load_profile, profile_path
 
 ROOT = Path(__file__).parents[2]
 JOB = ROOT / "configs/jobs/thesis.toml"
@@ -47,6 +50,17 @@ def test_without_a_job_nothing_is_measured(tmp_path: Path) -> None:
     assert code == 0
     assert "scallop_mm" not in report
     assert report["machining_time_s"] > 30 / 250 * 60
+
+
+def test_subprograms_lie_beside_the_program(tmp_path: Path) -> None:
+    """(6.4) As `dnc check` has it."""
+    (tmp_path / "SUB.spf").write_bytes(b"G1 X30 F250\nRET\n")
+    code, report = simulate(tmp_path, PROGRAM.replace(b"N60 G1 X40 F250", b'N60 EXTCALL("SUB")'))
+    assert (code, report["alarms"]) == (0, [])
+    limits = Limits(load_profile(profile_path("sinumerik-840d")))
+    assert not [
+        one for one in check_program(tmp_path / "part.mpf", limits).found.findings if one.id == "missing-subprogram"
+    ]
 
 
 def test_an_alarm_is_told_and_exits_6(tmp_path: Path) -> None:

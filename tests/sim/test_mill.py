@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.interpreter.canon import Alarm
+from sim.interpreter.canon import Alarm, ChangeTool, Line
 from sim.interpreter.run import interpret
 from sim.mill import rehearse, settings_of
 from sim.motion.machine import Samples
@@ -48,6 +48,23 @@ def test_what_the_manuals_leave_open_comes_from_the_profile() -> None:
         last = list(interpret(text, fed))[-1]
         assert isinstance(last, Alarm)
         assert last.number == number
+
+
+def test_the_machine_is_inch_and_has_no_changer_where_its_profile_says_so() -> None:
+    """(6.2, 6.8)"""
+    profile = replace(PROFILE, is_inch=True, has_tool_changer=False)
+    commands = list(interpret(b"T3\nG1 X1 F10\n", settings_of(profile, is_drip_fed=True)))
+    assert ChangeTool(1, None, 3) in commands
+    assert commands[-1] == Line(2, None, (0.0, 0.0, 500.0), (25.4, 0.0, 500.0), 254.0)
+
+
+def test_subprograms_are_found_in_the_folder(tmp_path: Path) -> None:
+    """(6.4) PROC with arguments, called by a whole program and by one that is fed."""
+    (tmp_path / "POCKET.spf").write_bytes(b"PROC POCKET(REAL WIDTH)\nG1 X=WIDTH*2 F600\nM17\n")
+    recording = rehearse(b"POCKET(5)\nM30\n", PROFILE, subprogram_folder=tmp_path)
+    assert recording.alarms == []
+    assert recording.travelled[-1].end[0] == 10.0
+    assert rehearse(b"POCKET(5)\nM30\n", PROFILE).alarms[0].number == 12550
 
 
 def test_override_slows_the_rehearsal() -> None:

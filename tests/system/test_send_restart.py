@@ -13,6 +13,7 @@ from tests.helpers.line import PeerProcess, SendProcess
 from tests.helpers.sending import wait_for_state
 
 pytestmark = pytest.mark.system
+THESIS = Path(__file__).parents[2] / "configs/jobs/thesis.toml"
 HEAD = ["%_N_PART_MPF", ";CONTROL=sinumerik-840d REFERENCE=tip", "G17 G40 G64 G71 G90 G94", "G54", "T2 M6", "D1"]
 HEAD += ["G0 Z50", "S1000 M3", "G4 F2", "M8"]
 
@@ -27,8 +28,15 @@ def planned(folder: Path, passes: int = 20) -> Path:
     data = ("\n".join([*lines, "G0 Z50", "M9", "M5", "M30"]) + "\n").encode()
     path = folder / "part.mpf"
     path.write_bytes(data)
-    state = {"safe_z_mm": 50.0, "clearance_z_mm": 10.0, "plunge_mm_min": 100.0, "spindle_dwell_s": 2.0}
-    sidecar = {"sha256": hashlib.sha256(data).hexdigest(), "state": state, "restart_points": points}
+    state: dict[str, float] = {
+        "safe_z_mm": 50.0,
+        "clearance_z_mm": 10.0,
+        "plunge_mm_min": 100.0,
+        "spindle_dwell_s": 2.0,
+    }
+    state["tool"] = 2
+    sha256 = hashlib.sha256(data).hexdigest()
+    sidecar = {"sha256": sha256, "radius_mm": 4.0, "state": state, "restart_points": points}
     (folder / "part.mpf.json").write_text(json.dumps(sidecar))
     return path
 
@@ -148,6 +156,34 @@ def test_check_first_stops_a_bad_program(tmp_path: Path) -> None:
     assert "--yes does not skip" in words
 
 
+def test_check_first_knows_tool_radii_and_stock_of_the_job(tmp_path: Path) -> None:
+    """(6.2) Without the job the alarm names the option that gives the radius; with it the program goes out."""
+    program = tmp_path / "contour.mpf"
+    head = b"G17 G40 G64 G71 G90 G94\nG54\nT2 M6\nD1\nG0 Z50\nG0 X0 Y0\nS1000 M3\nG4 F2\n"
+    cut = b"G1 Z11 F100\nG1 G41 X20 Y0 F250\nX40\nY40\nG40 X60 Y60\nG0 Z50\nM5\nM30\n"
+    program.write_bytes(head + cut)
+    with PeerProcess(baud=38400, quiet_s=0) as peer:
+        with SendProcess(tmp_path, program, peer.pty, "--baud=38400", "--check") as sending:
+            code, words = sending.finish()
+        assert code == 3
+        assert "the radius of tool T2 is not known" in words
+        assert "name the job with --job" in words
+        with SendProcess(tmp_path, program, peer.pty, "--baud=38400", "--check", f"--job={THESIS}") as sending:
+            code, words = sending.finish()
+        assert code == 0, words
+
+
+def test_a_sidecar_that_lacks_something_is_told(tmp_path: Path) -> None:
+    """(6.8) A damaged sidecar is a sentence, not a fault of ours."""
+    program = planned(tmp_path)
+    (tmp_path / "part.mpf.json").write_text('{"sha256": "00", "restart_points": []}')
+    with PeerProcess() as peer, SendProcess(tmp_path, program, peer.pty, "--start-at", "N3", "--yes") as sending:
+        code, words = sending.finish()
+        assert peer.stop()["bytes_received"] == 0
+    assert code == 8
+    assert "sidecar cannot be read" in words
+
+
 def test_check_first_finds_a_missing_end(tmp_path: Path) -> None:
     """(fault P7) Without --check it is sent as it is."""
     program = tmp_path / "open.mpf"
@@ -171,7 +207,7 @@ def test_resume_refuses_another_adapter(tmp_path: Path) -> None:
     class Adapter:
         name, identity, is_simulated = "/dev/ttyUSB0", "usb-FTDI_B", False
 
-    plan = Plan(RestartPoint(1, None, 0, (0.0, 0.0, 0.0), ()), b"", 0, "ab" * 32)
+    plan = Plan(RestartPoint(1, None, 0, (0.0, 0.0, 0.0), (), is_inch=False), b"", 0, "ab" * 32)
     record = {"job": "1", "outcome": "FAULTED", "program_sha256": "ab" * 32, "port": "/dev/ttyUSB0"}
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path))

@@ -52,6 +52,14 @@ def test_t_changes_the_tool_where_there_is_no_changer() -> None:
     assert run("T3\nM6") == [canon.SelectTool(1, None, 3), canon.ChangeTool(2, None, 3)]
 
 
+def test_an_inch_machine_reads_inches_until_it_is_told_otherwise() -> None:
+    """(6.2) G70 and G71 leave the feed to the machine's basic system, G700 and G710 do not."""
+    text = "G1 F1 X1\nG71 X2\nG710 F100 X3\nG700 F2 X4\nG70 X5"
+    assert [(move.end[0], move.feed_mm_min) for move in motions(text, is_inch=True)] == [
+        (25.4, 25.4), (2, 25.4), (3, 100), (pytest.approx(101.6), pytest.approx(50.8)), (pytest.approx(127), 50.8)
+    ]  # fmt: skip
+
+
 def test_units_scale_everything_that_is_a_length() -> None:
     """(6.2)"""
     metric = run(

@@ -31,6 +31,8 @@ def mill(
         knot_rule="nx",
         g28="iso",
         backward_jump_alarm=14000,
+        has_tool_changer=True,
+        is_inch=False,
         resolution_mm=0.001,
         tool_length_reference="tip",
         receive_buffer_bytes=30720,

@@ -1,0 +1,30 @@
+"""What the interpreter is told of the control: from the machine profile, the job (tool radii), the program's folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from dnc.profile import MachineProfile
+from sim.interpreter.settings import G28, KnotRule, Settings, Tool
+
+
+def settings_of(
+    profile: MachineProfile,
+    *,
+    tool_radii_mm: Mapping[int, float],
+    subprogram_folder: Path | None = None,
+    is_drip_fed: bool = True,
+) -> Settings:
+    """The control's side of interpreting a program; radii by tool number, for G41 and G42."""
+    control = profile.control
+    return Settings(
+        knot_rule=KnotRule(control.knot_rule),
+        g28=G28(control.g28),
+        backward_jump_alarm=control.backward_jump_alarm,
+        has_tool_changer=control.has_tool_changer,
+        is_inch=control.units == "inch",
+        is_drip_fed=is_drip_fed,
+        subprogram_folder=subprogram_folder,
+        tools={number: Tool(radius_mm) for number, radius_mm in tool_radii_mm.items()},
+    )
