@@ -9,22 +9,23 @@ from types import ModuleType
 
 from sim.motion import law
 
-_INNER_FIRST = (
-    "ramp_time_s",
-    "brake_mm",
-    "ease_mm",
-    "jerk_to_speed",
-    "piece_at",
-    "is_safe",
-    "landing",
-    "landing_jerk",
-    "step_to",
-    "lands",
-    "plan_landing",
-    "stop_jerk",
-    "can_stop",
-    "choose_jerk",
-)
+_INNER_FIRST = {
+    "sim.motion.braking": ("ramp_time_s", "brake_mm", "ease_mm", "jerk_to_speed"),
+    "sim.motion.rows": ("piece_at", "step_to"),
+    "sim.motion.landing": ("landing", "landing_jerk", "lands", "plan_landing"),
+    "sim.motion.law": (
+        "is_safe",
+        "stop_jerk",
+        "can_stop",
+        "foreseen_jerk",
+        "choose_jerk",
+        "coasting_steps",
+        "coast",
+        "settle",
+        "next_jerk",
+        "run",
+    ),
+}
 
 
 def can_compile() -> bool:
@@ -35,21 +36,28 @@ def can_compile() -> bool:
 @functools.cache
 def time_law(is_compiled: bool) -> Callable[..., int]:
     """`sim.motion.law.run`, compiled or as it stands; compiling takes seconds once and is kept on disk."""
-    if not is_compiled:
-        return law.run
-    compiled: Callable[..., int] = _compiled_twin().run
-    return compiled
+    return _compiled_run() if is_compiled else law.run
 
 
-def _compiled_twin() -> ModuleType:
-    """A second copy of the law's module in which each function is compiled and calls its compiled fellows."""
+def _compiled_run() -> Callable[..., int]:
+    """`run` of second copies of the law's modules, in which each function is compiled and calls compiled fellows."""
     import numba
 
-    spec = importlib.util.find_spec("sim.motion.law")
+    compiled: dict[str, Callable[..., int]] = {}
+    for room, names in _INNER_FIRST.items():
+        twin = _copy_of(room)
+        for name in compiled.keys() & vars(twin).keys():
+            setattr(twin, name, compiled[name])
+        for name in names:
+            compiled[name] = numba.njit(cache=True, error_model="numpy")(getattr(twin, name))
+            setattr(twin, name, compiled[name])
+    return compiled["run"]
+
+
+def _copy_of(room: str) -> ModuleType:
+    spec = importlib.util.find_spec(room)
     assert spec is not None
     assert spec.loader is not None
     twin = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(twin)
-    for name in (*_INNER_FIRST, "run"):
-        setattr(twin, name, numba.njit(cache=True, error_model="numpy")(getattr(twin, name)))
     return twin

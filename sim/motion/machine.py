@@ -14,12 +14,13 @@ import numpy as np
 
 from sim.interpreter import canon
 from sim.interpreter.canon import Command, LineRun, Motion, Vector
-from sim.motion import law
+from sim.motion.braking import PLANNED, brake_mm
 from sim.motion.fast import can_compile, time_law
 from sim.motion.limits import axis_limits
 from sim.motion.path import Path
 from sim.motion.prepare import Preparation
 from sim.motion.record import Recorder
+from sim.motion.rows import ACC, HORIZON, JERK, PIECE, STATE_SIZE, A, S, V
 from sim.motion.travelled import travelled
 from sim.motion.values import (
     Array,
@@ -91,7 +92,7 @@ class Machine:
         self._path = Path(self._axes, self._times.overload, self._speed_error, self._times.same_place_mm)
         self._pending: list[Command | LineRun] = []
         self._preparation = Preparation(self._times.rounding_mm, stops_at_optional=self._stops_at_optional)
-        self._law = np.zeros(law.STATE_SIZE)
+        self._law = np.zeros(STATE_SIZE)
         self._is_at_stop = True
         self._standing_steps = 0
         self._is_closed = self._is_holding = self._is_resetting = False
@@ -135,7 +136,7 @@ class Machine:
         """Stop along the path, then forget everything that is queued."""
         self._is_holding = self._is_resetting = True
         self._pending.clear()
-        if self._law[law.V] == 0.0 and self._law[law.A] == 0.0:
+        if self._law[V] == 0.0 and self._law[A] == 0.0:
             self._finish_reset()
 
     def advance(self, until_s: float) -> Samples:
@@ -201,12 +202,12 @@ class Machine:
             time_s=self.time_s,
             position_mm=self._position,
             distance_to_go_mm=(float(to_go[0]), float(to_go[1]), float(to_go[2])),
-            feed_mm_min=float(self._law[law.V]) * 60.0,
+            feed_mm_min=float(self._law[V]) * 60.0,
             line=line,
             block=block,
             state=self._state,
             is_starved=self._record.reason is StopReason.STARVED,
-            is_moving=bool(self._law[law.V] > 0.0),
+            is_moving=bool(self._law[V] > 0.0),
             tool=self._tool,
             spindle_rpm=self._spindle_rpm,
             is_flood=self._is_flood,
@@ -240,19 +241,17 @@ class Machine:
         rows, state = self._path.pieces, self._law
         if rows.count == 0:
             return 0.0
-        piece = min(int(state[law.PIECE]), rows.count - 1)
-        room = law.brake_mm(
-            state[law.V], state[law.A], 0.0, law.PLANNED * rows.accs[piece], law.PLANNED * rows.jerks[piece]
-        )
-        return float(state[law.S] + room)
+        piece = min(int(state[PIECE]), rows.count - 1)
+        room = brake_mm(state[V], state[A], 0.0, PLANNED * rows.rows[piece, ACC], PLANNED * rows.rows[piece, JERK])
+        return float(state[S] + room)
 
     def _find_piece(self) -> None:
         """The path has changed ahead: the same place may have another row now."""
         rows, state = self._path.pieces, self._law
         if not self._is_at_stop:
-            found = int(np.searchsorted(rows.ends[: rows.count], state[law.S], side="right"))
-            state[law.PIECE] = min(found, rows.count - 1)
-        state[law.HORIZON] = state[law.PIECE]
+            found = int(np.searchsorted(rows.ends[: rows.count], state[S], side="right"))
+            state[PIECE] = min(found, rows.count - 1)
+        state[HORIZON] = state[PIECE]
 
     def _mark_single_block(self) -> None:
         """In single block the first block end at which the axes can stand is a stop."""
@@ -261,11 +260,11 @@ class Machine:
             path.unstop(self._single_ordinal)
             self._single_ordinal = -1
         elif self._is_single_block and not self._is_at_stop and rows.count:
-            self._single_ordinal = path.first_end(int(self._law[law.PIECE]), self._committed_mm())
+            self._single_ordinal = path.first_end(int(self._law[PIECE]), self._committed_mm())
             path.stop_at(self._single_ordinal)
         else:
             return
-        rows.limit(self._override, int(self._law[law.PIECE]))
+        rows.limit(self._override, int(self._law[PIECE]))
 
     # --- motion
 
@@ -281,9 +280,9 @@ class Machine:
             return False
         if self._is_at_stop:
             return self._leave_stop()
-        if self._law[law.V] == 0.0 and self._is_holding:
+        if self._law[V] == 0.0 and self._is_holding:
             return self._hold()
-        if self._law[law.V] == 0.0 and self._override == 0.0:
+        if self._law[V] == 0.0 and self._override == 0.0:
             self._record.begin_stand(StopReason.OVERRIDE, self._position)
             return False
         self._move(int(min(left, 4096)))
@@ -319,9 +318,9 @@ class Machine:
         if self._is_holding:
             return self._hold()
         rows = self._path.pieces
-        next_piece = int(np.searchsorted(rows.ends[: rows.count], self._law[law.S], side="right"))
+        next_piece = int(np.searchsorted(rows.ends[: rows.count], self._law[S], side="right"))
         if next_piece < rows.count:
-            self._law[law.PIECE] = self._law[law.HORIZON] = next_piece
+            self._law[PIECE] = self._law[HORIZON] = next_piece
             self._is_at_stop = False
             self._mark_single_block()
             motion = self._path.moves[int(rows.ordinals[next_piece])]
@@ -343,26 +342,18 @@ class Machine:
         done = self._run(
             self._law,
             rows.count,
-            rows.ends,
-            rows.speeds,
-            rows.nodes,
-            rows.caps,
-            rows.knots,
-            rows.accs,
-            rows.jerks,
-            rows.stops,
+            rows.rows,
             rows.ordinals,
             self._profile.lookahead_blocks,
             self._is_holding,
             self._step_s,
-            steps,
             log_s,
             log_v,
             log_piece,
         )
         points = self._path.track.positions(log_s[:done], log_piece[:done])
         piece = int(log_piece[done - 1])
-        has_landed = self._law[law.V] == 0.0 and log_s[done - 1] == rows.ends[piece]
+        has_landed = self._law[V] == 0.0 and log_s[done - 1] == rows.ends[piece]
         if has_landed:
             end = self._path.moves[int(rows.ordinals[piece])].end
             if np.max(np.abs(points[-1] - end)) <= self._times.same_place_mm:
@@ -438,8 +429,8 @@ class Machine:
         """Motions finished (standing), or the index of the one being made."""
         rows = self._path.pieces
         if not self._is_at_stop:
-            return int(rows.ordinals[int(self._law[law.PIECE])])
-        following = int(np.searchsorted(rows.ends[: rows.count], self._law[law.S], side="right"))
+            return int(rows.ordinals[int(self._law[PIECE])])
+        following = int(np.searchsorted(rows.ends[: rows.count], self._law[S], side="right"))
         return int(rows.ordinals[following]) if following < rows.count else len(self._path.moves)
 
     def _motion(self) -> Motion | None:
@@ -453,4 +444,4 @@ class Machine:
         return waiting + len(self._path.moves) - self._ordinal()
 
     def _path_so_far(self) -> list[Motion]:
-        return travelled(self._path.track, float(self._law[law.S]))
+        return travelled(self._path.track, float(self._law[S]))

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sim.interpreter.canon import Line, LineRun, Motion, PathMode, Rapid
 from sim.motion.blend import round_corner
 from sim.motion.limits import OVERRIDE_TOP, AxisLimits, bend_speed
+from sim.motion.rows import CAP, KNOT, STOP
 from sim.motion.shapes import LineShape, Shape, shape_of
 from sim.motion.straight import Modal, corners_of, feed_mm_s, legs_of
 from sim.motion.track import Track
@@ -144,7 +145,7 @@ class Path:
             self._stop(StopReason.CORNER if corners.are_sharp[0] else StopReason.LATE)
             return 0.0
         if reach == 0.0:
-            self.pieces.knots[self.pieces.count - 1] = corners.speed[0]
+            self.pieces.rows[self.pieces.count - 1, KNOT] = corners.speed[0]
             return 0.0
         self._shorten(tail, reach)
         self.track.lay_bow(legs, reach, ordinal, axes)
@@ -161,12 +162,12 @@ class Path:
         is_switch = modal.is_jerk_limited is not tail.modal.is_jerk_limited
         if not rounds or is_switch or (mode is PathMode.ROUNDING_DISTANCE and is_rapid):
             step = self._overload * axes.acceleration * axes.cycle_s
-            self.pieces.knots[last] = bend_speed(t0 - t1, k0 - k1, axes, step)[0]
+            self.pieces.rows[last, KNOT] = bend_speed(t0 - t1, k0 - k1, axes, step)[0]
             return 0.0
         smooth = 0.1 * axes.jerk * axes.cycle_s**2
         fastest = OVERRIDE_TOP * min(feed_mm_s(tail.motion), feed_mm_s(motion))
-        if bend_speed(t0 - t1, 0.0 * k0, axes, smooth)[0] >= min(fastest, self.pieces.caps[last]):
-            self.pieces.knots[last] = bend_speed(t0 - t1, k0 - k1, axes, smooth)[0]
+        if bend_speed(t0 - t1, 0.0 * k0, axes, smooth)[0] >= min(fastest, self.pieces.rows[last, CAP]):
+            self.pieces.rows[last, KNOT] = bend_speed(t0 - t1, k0 - k1, axes, smooth)[0]
             return 0.0
         corner = round_corner(
             tail.shape,
@@ -198,7 +199,7 @@ class Path:
         """The open end is a stop."""
         if self._tail is None:
             return
-        self.pieces.stops[self.pieces.count - 1] = 1
+        self.pieces.rows[self.pieces.count - 1, STOP] = 1.0
         if reason is not None:
             self.reasons[self._tail.ordinal] = reason
         self._tail = None
@@ -220,13 +221,13 @@ class Path:
     def stop_at(self, ordinal: int) -> None:
         """The path stops where this motion ends, or where the rounding after it begins."""
         row = self._last_row(ordinal)
-        self._is_extra_stop = not self.pieces.stops[row]
-        self.pieces.stops[row] = 1
+        self._is_extra_stop = self.pieces.rows[row, STOP] == 0.0
+        self.pieces.rows[row, STOP] = 1.0
 
     def unstop(self, ordinal: int) -> None:
         """Take the last `stop_at` back; a stop that was there before stays."""
         if self._is_extra_stop:
-            self.pieces.stops[self._last_row(ordinal)] = 0
+            self.pieces.rows[self._last_row(ordinal), STOP] = 0.0
 
     def _last_row(self, ordinal: int) -> int:
         return int(np.searchsorted(self.pieces.ordinals[: self.pieces.count], ordinal, side="right")) - 1

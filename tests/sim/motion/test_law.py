@@ -13,7 +13,8 @@ import pytest
 from sim.interpreter import canon
 from sim.interpreter.canon import PathMode
 from sim.motion import law
-from sim.motion.estimate import estimate_time_s
+from sim.motion.braking import brake_mm, ease_mm
+from sim.motion.landing import landing, landing_jerk
 from sim.motion.machine import Machine, MachineState
 from tests.sim.motion.log import lines, mill, path_mode, run
 from tests.sim.motion.programs import random_program
@@ -23,24 +24,24 @@ def test_braking_distance_agrees_with_itself_along_the_way() -> None:
     """(7.1) From zero acceleration (v0 + v1)/2 T; part of the way into the ramp, the rest of that."""
     acceleration, jerk, v, target = 2000.0, 20000.0, 90.0, 10.0
     whole = (v + target) / 2.0 * 2.0 * math.sqrt((v - target) / jerk)
-    assert law.brake_mm(v, 0.0, target, acceleration, jerk) == pytest.approx(whole, rel=1e-12)
+    assert brake_mm(v, 0.0, target, acceleration, jerk) == pytest.approx(whole, rel=1e-12)
     for t in (0.01, 0.03, 0.06):
         later, rate = v - jerk * t * t / 2.0, -jerk * t
         gone = v * t - jerk * t**3 / 6.0
-        assert law.brake_mm(later, rate, target, acceleration, jerk) == pytest.approx(whole - gone, rel=1e-9)
-    eased = law.ease_mm(v, 800.0, 0.0, jerk)
+        assert brake_mm(later, rate, target, acceleration, jerk) == pytest.approx(whole - gone, rel=1e-9)
+    eased = ease_mm(v, 800.0, 0.0, jerk)
     peak = v + 800.0**2 / (2.0 * jerk)
-    both = eased + law.brake_mm(peak, 0.0, target, acceleration, jerk)
-    assert law.brake_mm(v, 800.0, target, acceleration, jerk) == pytest.approx(both, rel=1e-12)
+    both = eased + brake_mm(peak, 0.0, target, acceleration, jerk)
+    assert brake_mm(v, 800.0, target, acceleration, jerk) == pytest.approx(both, rel=1e-12)
 
 
 def test_a_landing_ends_exactly_at_rest() -> None:
     """(7.1) Three conditions, least-norm jerks."""
     steps, dt, ahead, v, a = 9, 0.004, 0.3, 20.0, -900.0
-    alpha, beta, gamma = law.landing(ahead, v, a, steps, dt)
+    alpha, beta, gamma = landing(ahead, v, a, steps, dt)
     s = 0.0
     for left in range(steps, 0, -1):
-        j = law.landing_jerk(alpha, beta, gamma, steps, left)
+        j = landing_jerk(alpha, beta, gamma, steps, left)
         s, v, a = s + dt * (v + dt * (a / 2 + dt * j / 6)), v + dt * (a + dt * j / 2), a + dt * j
     assert (s, v, a) == pytest.approx((ahead, 0.0, 0.0), abs=1e-9)
 
@@ -54,6 +55,27 @@ def test_the_compiled_law_is_its_pure_twin(seed: int) -> None:
     _, fast = run(program, is_compiled=True)
     assert len(slow.t_s) == len(fast.t_s)
     assert np.allclose(slow.position_mm, fast.position_mm, atol=1e-9)
+
+
+@pytest.mark.parametrize("mode", [PathMode.EXACT_STOP, PathMode.CONTINUOUS, PathMode.ROUNDING_TOLERANCE])
+def test_coasting_takes_the_steps_that_the_law_would(mode: PathMode, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(7.5) At an even feed steps are taken without asking ahead; asked one by one they come out the same."""
+    for seed in range(6):
+        program = random_program(seed, ("line", "arc", "spline", "rapid"), mode)
+        _, coasted = run(program)
+        with monkeypatch.context() as patch:
+            patch.setattr(law, "coasting_steps", lambda *_: 0)
+            _, asked = run(program)
+        assert len(coasted.t_s) == len(asked.t_s)
+        assert np.allclose(coasted.position_mm, asked.position_mm, atol=1e-9)
+
+
+def test_without_the_compiler_the_mill_is_still_faster_than_real_time() -> None:
+    """(7.5) 0.2 mm blocks at the feed that the block cycle allows, so that no step is a coasting one."""
+    points = [(0.2 * k, 5 * math.sin(0.006 * k), 3 * math.sin(0.01 * k)) for k in range(400)]
+    begin = time.process_time()
+    _, samples = run(lines(points, 3000.0), is_compiled=False)
+    assert samples.t_s[-1] > time.process_time() - begin
 
 
 def test_the_machine_imports_no_numba() -> None:
@@ -127,22 +149,6 @@ def test_override_changes_the_feed_without_breaking_a_limit() -> None:
     assert machine.snapshot().position_mm == (60.0, 0.0, 0.0)
     x = np.concatenate([[0.0] * 3, *[part.position_mm[:, 0] for part in parts]])
     assert np.max(np.abs(np.diff(x, n=3))) / 0.004**3 <= 20000.0 * (1.0 + 1e-6)
-
-
-def test_the_estimate_is_within_a_hundredth_for_a_finishing_job() -> None:
-    """(7.8) Zigzag passes with plunges, exact stops and rapids at cutting feeds."""
-    program: list[canon.Command] = [canon.Spindle(0, None, 1000.0), canon.Dwell(1, None, 2.0)]
-    at = (0.0, 0.0, 50.0)
-    for k in range(10):
-        near, far = (0.0, 50.0) if k % 2 == 0 else (50.0, 0.0)
-        over, down, end = (near, float(k), at[2]), (near, float(k), 2.0), (far, float(k), 0.0)
-        begin, up = (near, float(k), 0.0), (far, float(k), 10.0)
-        program += [canon.Rapid(1, None, at, over), canon.Rapid(2, None, over, down)]
-        program += [canon.Line(3, None, down, begin, 100.0), canon.ExactStopOnce(4, None)]
-        program += [canon.Line(4, None, begin, end, 250.0), canon.Rapid(5, None, end, up)]
-        at = up
-    _, samples = run(program, is_compiled=None)
-    assert estimate_time_s(program, mill()) == pytest.approx(samples.t_s[-1], rel=0.01)
 
 
 def test_dense_programs_run_far_faster_than_the_machine() -> None:
