@@ -22,12 +22,12 @@ def bits_per_byte(form: str) -> float:
 
 
 def default_inflight_bytes(baud: int, form: str) -> int:
-    """Bytes in flight that keep the line busy over 0.69 ms of host delay, at least 3: 3 to 38400 baud, 8 at 115200.
+    """Bytes in flight that keep the line busy over 0.6 ms of host delay, at least 2: 2 to 19200 baud, 7 at 115200.
 
     >>> [default_inflight_bytes(baud, "8N1") for baud in (1200, 38400, 115200)]
-    [3, 3, 8]
+    [2, 3, 7]
     """
-    return max(3, math.ceil(0.69e-3 * baud / bits_per_byte(form)))
+    return max(2, math.ceil(0.6e-3 * baud / bits_per_byte(form)))
 
 
 def default_slack(baud: int) -> float:

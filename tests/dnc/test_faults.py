@@ -168,7 +168,7 @@ def test_a_bound_beyond_what_the_control_forgives_is_said() -> None:
         link=msgspec.structs.replace(profile.link, adapter_latency_s=0.016),
     )
     (warning,) = line_warnings(strict, Local())  # type: ignore[arg-type]
-    assert "up to 19 bytes may arrive after XOFF, this control forgives 10" in warning
+    assert "up to 18 bytes may arrive after XOFF, this control forgives 10" in warning
     assert "driver" in warning
     assert line_warnings(profile, Local()) == []  # type: ignore[arg-type]
 
