@@ -73,7 +73,7 @@ class Probes:
             (self.strands.chords, self.strands.firsts, self.chords, self.sweep.coefficients, bins.items),
             bins.starts,
             (bins.x0_mm, bins.y0_mm, bins.cell_mm, *bins.shape),
-            (self.tool.corner_mm, self.tool.flat_mm),
+            (self.tool.corner_mm, self.tool.flat_mm) if self.tool.flat_mm > 0 else (self.tool.corner_mm,),
             self.reach_mm,
             self.margin_mm,
             height,

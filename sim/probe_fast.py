@@ -3,7 +3,8 @@
 The geometry is told in `sim/MODEL.md`; `sim.probe_pure` gives the same figures where numba is not installed. Scalars
 are mm; p is the probe's point, n its unit normal. A chord is (ax, ay, az, dx, dy, dz, sag). `layers` is (chords of
 strands, first piece of each, chords of pieces, cubic pieces, strands listed in the bins); a grid is (x0, y0, cell
-width, rows, columns); what is found is (height, piece, parameter on the piece).
+width, rows, columns); what is found is (height, piece, parameter on the piece). An edge is (R,) for a ball, else
+(corner radius, radius of the flat end); numba makes code for the kind in use alone.
 """
 
 from __future__ import annotations
@@ -15,14 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim import blunt
-from sim.blunt import Edge, Vector, compiled
+from sim.compiled import compiled
 
-blunt_entry, blunt_contains = blunt.entry, blunt.contains
+blunt_entry, blunt_contains, is_beyond = blunt.entry, blunt.contains, blunt.is_beyond  # numba asks for plain names
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Items = NDArray[np.int32]
 Layers = tuple[Floats, Ints, Floats, Floats, Items]
+Vector = tuple[float, float, float]
+Edge = tuple[float] | tuple[float, float]
 Found = tuple[float, int, float]
 Grid = tuple[float, float, float, int, int]
 
@@ -43,6 +46,14 @@ def _gap2(x: Vector, chords: Floats, k: int) -> float:
         s = min(1.0, max(0.0, (along + rz * dz) / length))
     ex, ey, ez = rx - s * dx, ry - s * dy, rz - s * dz
     return float(ex * ex + ey * ey + ez * ez)
+
+
+@compiled
+def _is_apart(x: Vector, n: Vector, half: float, chords: Floats, k: int, edge: Edge) -> bool:
+    """Whether the stretch of a line to either side of x surely misses the cutter swept along a chord and its sag."""
+    if len(edge) == 2:
+        return is_beyond(x, n, half, chords, k, edge)
+    return bool(_gap2(x, chords, k) > (edge[0] + half + chords[k, 6]) ** 2)
 
 
 @compiled
@@ -119,15 +130,21 @@ def _lowest(p: Vector, n: Vector, c: Floats, k: int, start: float, radius: float
 
 
 @compiled
+def _piece(c: Floats, k: int) -> blunt.Piece:
+    """The coefficients of a piece as `sim.blunt` takes them."""
+    return (
+        *(c[k, 0, 0], c[k, 0, 1], c[k, 0, 2], c[k, 1, 0], c[k, 1, 1], c[k, 1, 2]),
+        *(c[k, 2, 0], c[k, 2, 1], c[k, 2, 2], c[k, 3, 0], c[k, 3, 1], c[k, 3, 2]),
+    )
+
+
+@compiled
 def _piece_entry(
     p: Vector, n: Vector, c: Floats, chords: Floats, k: int, edge: Edge, best: float
 ) -> tuple[float, float]:
-    """(entry, s) of the line into the cutter swept along one piece, end and shank; inf where it misses."""
-    if edge[1] > 0.0:
-        lowest = chords[k, 2] + min(0.0, chords[k, 5]) - chords[k, 6] - edge[0]
-        if n[2] > 0.0 and lowest - p[2] >= best * n[2]:
-            return math.inf, 0.0  # nothing of the cutter is as low as the line at `best`
-        return blunt_entry(p, n, c, k, edge)
+    """(entry, s) of the line into the cutter swept along one piece, end and shank; nothing below `best` for a miss."""
+    if len(edge) == 2:
+        return blunt_entry(p, n, _piece(c, k), chords[k, 6], edge, best)
     radius = edge[0]
     start = _start(p, n, chords, k, radius + chords[k, 6], 1.0)
     x = chords[k, 0] + start * chords[k, 3] - p[0]
@@ -160,8 +177,8 @@ def _shank_entry(p: Vector, n: Vector, c: Floats, chords: Floats, k: int, radius
 @compiled
 def _contains(p: Vector, c: Floats, chords: Floats, k: int, s: float, edge: Edge) -> bool:
     """Whether a point is in the cutter swept along a piece: in the ball at s, else in the sweep of the chord."""
-    if edge[1] > 0.0:
-        return blunt_contains(p, c, k, edge)
+    if len(edge) == 2:
+        return blunt_contains(p, _piece(c, k), chords[k, 6], edge)
     radius = edge[0]
     x = c[k, 0, 0] + s * (c[k, 1, 0] + s * (c[k, 2, 0] + s * c[k, 3, 0])) - p[0]
     y = c[k, 0, 1] + s * (c[k, 1, 1] + s * (c[k, 2, 1] + s * c[k, 3, 1])) - p[1]
@@ -187,13 +204,13 @@ def _outward(
     strands, firsts, chords, pieces, items = layers
     best, owner, where = found
     for item in range(listed[0], listed[1]):
-        middle, room = 0.5 * (at + best), edge[0] + edge[1] + 0.5 * (best - at)
+        middle, half = 0.5 * (at + best), 0.5 * (best - at)
         x = (p[0] + middle * n[0], p[1] + middle * n[1], p[2] + middle * n[2])
         strand = items[item]
-        if _is_far(x, strands, strand, room) or _gap2(x, strands, strand) > (room + strands[strand, 6]) ** 2:
+        if _is_far(x, strands, strand, sum(edge) + half) or _is_apart(x, n, half, strands, strand, edge):
             continue
         for k in range(firsts[strand], firsts[strand + 1]):
-            if _gap2(x, chords, k) > (room + chords[k, 6]) ** 2:
+            if _is_apart(x, n, half, chords, k, edge):
                 continue
             entry, s = _piece_entry(p, n, pieces, chords, k, edge, best)
             if entry < best and (entry > 0.0 or _contains(p, pieces, chords, k, s, edge)):
@@ -211,11 +228,11 @@ def _inward(p: Vector, n: Vector, found: Found, layers: Layers, listed: tuple[in
     for item in range(listed[0], listed[1]):
         strand = items[item]
         x = (p[0] + depth * n[0], p[1] + depth * n[1], p[2] + depth * n[2])
-        if _gap2(x, strands, strand) > (edge[0] + edge[1] + strands[strand, 6]) ** 2:
+        if _is_apart(x, n, 0.0, strands, strand, edge):
             continue
         for k in range(firsts[strand], firsts[strand + 1]):
             x = (p[0] + depth * n[0], p[1] + depth * n[1], p[2] + depth * n[2])
-            if _gap2(x, chords, k) > (edge[0] + edge[1] + chords[k, 6]) ** 2:
+            if _is_apart(x, n, 0.0, chords, k, edge):
                 continue
             entry, s = _piece_entry(p, n, pieces, chords, k, edge, depth)
             if entry < depth and _contains(x, pieces, chords, k, s, edge):
@@ -270,7 +287,7 @@ def heights(
         found = (reach, -1, 0.0)
         if guess >= 0:
             entry, s = _piece_entry(p, n, layers[3], layers[2], guess, edge, reach)
-            if 0.0 < entry < reach:
+            if entry < reach and (entry > 0.0 or _contains(p, layers[3], layers[2], guess, s, edge)):
                 found = (entry, guess, s)
         found = _cut(p, n, found, layers, starts, grid, edge, margin)
         guess = found[1]

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim import blunt
-from sim.blunt import Edge
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 Items = NDArray[np.int32]
 Layers = tuple[Floats, Ints, Floats, Floats, Items]
 Grid = tuple[float, float, float, int, int]
+Edge = tuple[float] | tuple[float, float]
 
 _CHUNK = 500
 
@@ -58,7 +59,7 @@ class _Block:
         margin: float,
     ) -> None:
         self.p, self.n, self.layers, self.starts, self.grid = points, normals, layers, starts, grid
-        self.edge, self.radius, self.margin = edge, edge[0] + edge[1], margin
+        self.edge, self.radius, self.margin = edge, sum(edge), margin
         self.best = np.full(len(points), reach)
         self.owner = np.full(len(points), -1, dtype=np.int64)
         self.where = np.zeros(len(points))
@@ -78,40 +79,43 @@ class _Block:
             active = active[self.best[active] < before]
 
     def _outward(self, active: Ints, at: Floats) -> None:
-        """First entries above height `at` among the strands listed there; the most likely strand is tried first."""
+        """First entries above height `at`, or, where there is a cut at the surface, any piece that holds it."""
         probe, strand = self._listed(active, at)
-        if not len(probe):
-            return
         height = at[np.searchsorted(active, probe)]
-        ideal = self.p[probe] + self.radius * self.n[probe]
-        gap = _gap2(ideal, self.layers[0], strand)
-        order = np.lexsort((gap, probe))
-        first = order[np.flatnonzero(np.diff(probe[order], prepend=-1))]
-        for chosen in (first, np.arange(len(probe))):
-            self._take(probe[chosen], strand[chosen], height[chosen])
-
-    def _take(self, probe: Ints, strand: Ints, at: Floats) -> None:
-        strands, _, chords, pieces, _ = self.layers
-        near = self._may_matter(probe, strand, at, strands)
-        probe, k, at = self._pieces_of(probe[near], strand[near], at[near])
-        near = self._may_matter(probe, k, at, chords)
-        probe, k = probe[near], k[near]
-        p, n = self.p[probe], self.n[probe]
-        entry, s = _piece_entry(p, n, pieces, chords, k, self.edge, self.best[probe])
-        counts = (entry < self.best[probe]) & np.isfinite(entry)
-        counts[counts] = (entry[counts] > 0) | _contains(p[counts], pieces, chords, k[counts], s[counts], self.edge)
-        self._keep(probe[counts], entry[counts], k[counts], s[counts])
+        for chosen in self._likely_first(probe, strand):
+            still = chosen[self.best[probe[chosen]] > 0]
+            self._take(probe[still], strand[still], height[still], np.zeros(len(still)))
 
     def _inward(self, active: Ints) -> None:
         """The cut followed further in through every piece that holds the point reached so far."""
-        _, _, chords, pieces, _ = self.layers
         probe, strand = self._listed(active, self.best[active])
-        probe, k, _ = self._pieces_of(probe, strand, np.zeros(len(probe)))
+        for chosen in self._likely_first(probe, strand):
+            reached = self.best[probe[chosen]]
+            self._take(probe[chosen], strand[chosen], reached, reached)
+
+    def _likely_first(self, probe: Ints, strand: Ints) -> tuple[Ints, Ints]:
+        """Which pairs to try, in two turns: the strand nearest to where the tool would touch each probe, then all."""
+        n = self.n[probe]
+        level = np.hypot(n[:, 0], n[:, 1])
+        aside = sum(self.edge[1:]) / np.where(level > 0, level, 1.0)
+        ideal = self.p[probe] + self.edge[0] * n + aside[:, None] * n * (1.0, 1.0, 0.0)
+        order = np.lexsort((_gap2(ideal, self.layers[0], strand), probe))
+        return order[np.flatnonzero(np.diff(probe[order], prepend=-1))], np.arange(len(probe))
+
+    def _take(self, probe: Ints, strand: Ints, at: Floats, held: Floats) -> None:
+        """The lowest entries into these strands above `at`; below the surface, into pieces that hold height `held`."""
+        strands, _, chords, pieces, _ = self.layers
+        near = self._may_matter(probe, strand, at, strands)
+        which, k = self._pieces_of(strand[near])
+        pair = np.flatnonzero(near)[which]
+        near = self._may_matter(probe[pair], k, at[pair], chords)
+        pair, k = pair[near], k[near]
+        probe, held = probe[pair], held[pair]
         p, n = self.p[probe], self.n[probe]
-        x = p + self.best[probe][:, None] * n
         entry, s = _piece_entry(p, n, pieces, chords, k, self.edge, self.best[probe])
-        counts = entry < self.best[probe]
-        counts[counts] = _contains(x[counts], pieces, chords, k[counts], s[counts], self.edge)
+        counts = (entry < self.best[probe]) & np.isfinite(entry)
+        x = p[counts] + held[counts, None] * n[counts]
+        counts[counts] = (entry[counts] > 0) | _contains(x, pieces, chords, k[counts], s[counts], self.edge)
         self._keep(probe[counts], entry[counts], k[counts], s[counts])
 
     def _keep(self, probe: Ints, entry: Floats, k: Ints, s: Floats) -> None:
@@ -130,15 +134,17 @@ class _Block:
         which, place = _expanded(self.starts[cell], self.starts[cell + 1])
         return active[inside][which], self.layers[4][place].astype(np.int64)
 
-    def _pieces_of(self, probe: Ints, strand: Ints, at: Floats) -> tuple[Ints, Ints, Floats]:
+    def _pieces_of(self, strand: Ints) -> tuple[Ints, Ints]:
+        """(index of the strand in the list, piece) for every piece of the strands."""
         firsts = self.layers[1]
-        which, k = _expanded(firsts[strand], firsts[strand + 1])
-        return probe[which], k, at[which]
+        return _expanded(firsts[strand], firsts[strand + 1])
 
-    def _may_matter(self, probe: Ints, k: Ints, at: Floats, chords: Floats) -> NDArray[np.bool_]:
+    def _may_matter(self, probe: Ints, k: Ints, at: Floats, chords: Floats) -> Flags:
         """Whether a chord comes near enough to the stretch of the ray that is still open."""
         middle, half = 0.5 * (at + self.best[probe]), 0.5 * (self.best[probe] - at)
         x = self.p[probe] + middle[:, None] * self.n[probe]
+        if len(self.edge) == 2:
+            return ~_is_beyond(x, self.n[probe], half, chords, k, self.edge)
         return np.asarray(_gap2(x, chords, k) <= (self.radius + half + chords[k, 6]) ** 2)
 
 
@@ -170,6 +176,24 @@ def _gap2(x: Floats, chords: Floats, k: Ints) -> Floats:
     t = np.where(length > 0, (along + r[:, 2] * d[:, 2]) / np.where(length > 0, length, 1.0), s)
     below = r - np.clip(t, 0.0, 1.0)[:, None] * d
     return np.where(beside[:, 2] >= 0, _dot(beside[:, :2], beside[:, :2]), _dot(below, below))
+
+
+def _is_beyond(x: Floats, n: Floats, half: Floats, chords: Floats, k: Ints, edge: tuple[float, float]) -> Flags:
+    """Whether the stretches x - half n to x + half n surely miss the tool, as `sim.blunt.is_beyond` tells it."""
+    r, d = x - chords[k, :3], chords[k, 3:6]
+    plan = _dot(d[:, :2], d[:, :2])
+    s = np.where(plan > 0, _dot(r[:, :2], d[:, :2]) / np.where(plan > 0, plan, 1.0), np.where(d[:, 2] >= 0, 0.0, 1.0))
+    s = np.clip(s, 0.0, 1.0)
+    q = r - s[:, None] * d
+    rho = np.hypot(q[:, 0], q[:, 1])
+    out, down = np.maximum(rho - edge[1], 0.0), np.minimum(q[:, 2], 0.0)
+    distance = np.hypot(out, down)
+    safe = np.where(distance > 0, distance, 1.0)
+    level = np.where(rho > 0, out / (safe * np.where(rho > 0, rho, 1.0)), 0.0)
+    g = np.column_stack([level * q[:, 0], level * q[:, 1], down / safe])
+    along = _dot(g, d)
+    nearer = np.maximum(-s * along, (1.0 - s) * along) + half * np.abs(_dot(g, n))
+    return np.asarray(distance - nearer > edge[0] + chords[k, 6] + 1e-12)
 
 
 def _entry(q: Floats, n: Floats, radius: Floats | float) -> Floats:
@@ -220,10 +244,11 @@ def _lowest(
 def _piece_entry(
     p: Floats, n: Floats, c: Floats, chords: Floats, k: Ints, edge: Edge, best: Floats
 ) -> tuple[Floats, Floats]:
-    """(entry, s) of the lines into the cutter swept along the pieces, end and shank; inf where they miss."""
-    if edge[1] > 0.0:
-        pairs = [blunt.entry(tuple(a), tuple(b), c, each, edge) for a, b, each in zip(p, n, k, strict=True)]
-        both = np.array(pairs).reshape(-1, 2)
+    """(entry, s) of the lines into the cutter swept along the pieces, end and shank; none below `best` for a miss."""
+    if len(edge) == 2:
+        cases = zip(*(each.tolist() for each in (p, n, c[k].reshape(-1, 12), chords[k, 6], best)), strict=True)
+        found = [blunt.entry(tuple(a), tuple(b), tuple(piece), sag, edge, low) for a, b, piece, sag, low in cases]
+        both = np.array(found).reshape(-1, 2)
         return both[:, 0], both[:, 1]
     radius = edge[0]
     space = np.ones(3)
@@ -252,10 +277,11 @@ def _shank_entry(p: Floats, n: Floats, c: Floats, chords: Floats, k: Ints, radiu
     return np.where(hits, entry, np.inf), s
 
 
-def _contains(p: Floats, c: Floats, chords: Floats, k: Ints, s: Floats, edge: Edge) -> NDArray[np.bool_]:
+def _contains(p: Floats, c: Floats, chords: Floats, k: Ints, s: Floats, edge: Edge) -> Flags:
     """Whether points are in the cutter swept along the pieces: in the ball at s, else in the sweep of the chord."""
-    if edge[1] > 0.0:
-        return np.array([blunt.contains(tuple(a), c, each, edge) for a, each in zip(p, k, strict=True)], dtype=bool)
+    if len(edge) == 2:
+        cases = zip(p.tolist(), c[k].reshape(-1, 12).tolist(), chords[k, 6].tolist(), strict=True)
+        return np.array([blunt.contains(tuple(a), tuple(b), sag, edge) for a, b, sag in cases], dtype=bool)
     radius = edge[0]
     q = _at(c, k, s) - p
     in_ball = _dot(q, q) <= radius * radius * (1.0 + 1e-12)
