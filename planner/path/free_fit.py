@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.path.curve import CurveTable
+from planner.path.gauss_newton import whole_power
 from planner.path.model import Array
 from planner.path.plane_spline import Index
 from planner.path.span_batch import SpanIndex, solve_spans
 
-GIVE_UP_AFTER = 5
 PLACES = 12
 NARROWEST = 0.1  # of the mean span
 SHARES = ((np.arange(PLACES) + 0.5) / PLACES)[:, None]
@@ -113,60 +113,21 @@ def measure(
     return Fit(index, knots, points, arcs, on_curve, normals, distance, errors_mm)
 
 
-def improve(table: CurveTable, rows: Index, fit: Fit, *, powers: Array, targets_mm: Array) -> Fit:
-    """The fit after one damped Gauss-Newton step for every power of `powers`: 2 is least squares, more nears minimax.
-
-    A step that raises its own sum of powers is dropped and the damping raised, row by row (F8). A row stops when it
-    reaches its target of `targets_mm` (p,), or when it is far from it and has gained less than a tenth in some steps.
-    """
-    best = fit.take(np.arange(len(rows)))
-    live = np.flatnonzero(fit.errors_mm > targets_mm)
-    fit, damping = fit.take(live), np.full(len(live), 1e-4)
-    history: list[Array] = []
-    for power in powers:
-        if not len(live):
-            break
-        fit, damping = _step(table, rows[live], fit, int(power), damping)
-        is_better = np.flatnonzero(fit.errors_mm < best.errors_mm[live])
-        best.put(live[is_better], fit.take(is_better))
-        reached = best.errors_mm[live]
-        history.append(reached)
-        is_open = reached > targets_mm[live]
-        if len(history) > GIVE_UP_AFTER:
-            gain = history[-1 - GIVE_UP_AFTER] / reached
-            is_open &= (gain**2 > reached / targets_mm[live]) | (gain > 1.1)
-        if not is_open.all():
-            kept = np.flatnonzero(is_open)
-            live, fit, damping = live[kept], fit.take(kept), damping[kept]
-            history = [values[kept] for values in history]
-    return best
-
-
-def _step(table: CurveTable, rows: Index, fit: Fit, power: int, damping: Array) -> tuple[Fit, Array]:
+def step(table: CurveTable, rows: Index, fit: Fit, power: int, damping: Array) -> tuple[Fit, Array]:
     """One damped Gauss-Newton step on the sum of this power of the distances, and the new damping (p,)."""
     index = fit.index
     largest = np.maximum(fit.errors_mm, np.finfo(float).tiny)[index.owners]
     share = np.abs(fit.distance) / largest
-    blocks, right = _normal_equations(linearise(fit), fit.distance, _power(share + 1e-3, power - 2))
-    step = solve_spans(blocks, right, index, damping)[:, :, 0] / (1.0 - power)
-    knots, points = _move(fit, step)
+    blocks, right = _normal_equations(linearise(fit), fit.distance, whole_power(share + 1e-3, power - 2))
+    unknowns = solve_spans(blocks, right, index, damping)[:, :, 0] / (1.0 - power)
+    knots, points = _move(fit, unknowns)
     moved = measure(table, rows, index, knots, points, fit.arcs, steps=2)
-    before = index.total(_power(share, power).sum(axis=0))
-    after = index.total(_power(np.abs(moved.distance) / largest, power).sum(axis=0))
+    before = index.total(whole_power(share, power).sum(axis=0))
+    after = index.total(whole_power(np.abs(moved.distance) / largest, power).sum(axis=0))
     is_better = after < before
     kept = np.flatnonzero(~is_better)
     moved.put(kept, fit.take(kept))
     return moved, np.where(is_better, 0.2 * damping, 10.0 * damping)
-
-
-def _power(values: Array, power: int) -> Array:
-    """Whole powers by multiplication, which every processor rounds alike."""
-    total, factor = np.ones_like(values), values
-    while power:
-        if power & 1:
-            total = total * factor
-        factor, power = factor * factor, power >> 1
-    return total
 
 
 def _normal_equations(jacobian: Array, distance: Array, weight: Array) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """The fewest spans for each of many neighbouring curves: a few are searched from scratch, the others follow them.
 
 Passes side by side are nearly the same curve, so a pass starts from the knots and the parametrisation of passes
-already fitted on either side. The order is fixed by the number of passes alone, so the result is, too.
+already fitted on either side. What kind of spline it is, only the fitter knows. The order is fixed by the number of passes alone, so the result is, too.
 """
 
 from __future__ import annotations
@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol
 
 import numpy as np
 
-from planner.path.curve import CurveTable
-from planner.path.free_fit import PLACES, Fit, improve, places_in, start_fit
-from planner.path.model import Array
+from planner.path.model import Array, PlaneSpline
 from planner.path.plane_spline import Index
 
 SEEDS = 10
@@ -33,49 +32,65 @@ class SearchEnd(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Start:
+    """Where an iteration starts: `joints` (spans + 1,) and `feet` (k, spans) of the places, as shares of the curve."""
+
+    joints: Array
+    feet: Array
+
+    @property
+    def spans(self) -> int:
+        """Number of spans."""
+        return self.joints.size - 1
+
+
+@dataclass(frozen=True, slots=True)
 class Candidate:
-    """One spline for one curve: `knots` (n + 4,), `control_points` (n, 2), `arcs` (k, spans) of its places' feet.
+    """One spline for one curve, and where an iteration would start that begins with it.
 
     `error_mm` is the largest distance at the places, `worst` the span where it is.
     """
 
-    knots: Array
-    control_points: Array
-    arcs: Array
+    start: Start
+    spline: PlaneSpline
     error_mm: float
     worst: int
 
     @property
     def spans(self) -> int:
-        """Number of knot spans."""
-        return self.knots.size - 7
+        """Number of spans."""
+        return self.start.spans
 
 
-@dataclass(frozen=True, slots=True)
-class Start:
-    """Where an iteration starts: `knots` (n + 4,) and `arcs` (k, spans) of the places' feet, relative to the length."""
-
-    knots: Array
-    arcs: Array
+class Fitter(Protocol):
+    """One kind of spline for a table of curves."""
 
     @property
-    def spans(self) -> int:
-        """Number of knot spans."""
-        return self.knots.size - 7
+    def count(self) -> int:
+        """How many curves there are."""
+
+    def fresh(self, asked: dict[int, int]) -> dict[int, Start]:
+        """For these curves, starts with so many spans that know nothing but the curve."""
+
+    def opened(self, candidate: Candidate) -> Start:
+        """The candidate with one more joint, where it is worst."""
+
+    def fit(self, rows: Index, starts: list[Start], powers: Array, targets_mm: Array) -> list[Candidate]:
+        """Iterate from these starts, until the targets (p,) are reached."""
 
 
 class SpanSearch:
-    """The search over one table of curves for one tolerance; `found` has a candidate for every curve done."""
+    """The search over all curves of a fitter for one tolerance; `found` has a candidate for every curve done."""
 
-    def __init__(self, table: CurveTable, tolerance_mm: float, most_spans: int) -> None:
-        self._table, self._most_spans = table, most_spans
-        self._aims_mm = np.full(len(table.lengths_mm), tolerance_mm)
+    def __init__(self, fitter: Fitter, tolerance_mm: float, most_spans: int) -> None:
+        self._fitter, self._most_spans = fitter, most_spans
+        self._aims_mm = np.full(fitter.count, tolerance_mm)
         self.found: dict[int, Candidate] = {}
         self.ends: dict[int, SearchEnd] = {}
 
     def run(self) -> None:
         """Search every curve: seeds first, then the curves half-way between those done, until none is left."""
-        count = len(self._table.lengths_mm)
+        count = self._fitter.count
         stride = 1
         while count // (2 * stride) >= SEEDS:
             stride *= 2
@@ -86,10 +101,10 @@ class SpanSearch:
         self._share()
 
     def from_scratch(self, asked: dict[int, int]) -> None:
-        """Rising numbers of spans from those asked, each from evenly crowded knots, until the tolerance is kept."""
+        """Rising numbers of spans from those asked, each without a neighbour, until the tolerance is kept."""
         tried = {row: spans - 1 for row, spans in asked.items()}
         while asked:
-            got = self._fit({row: self._even(row, spans) for row, spans in asked.items()}, FROM_SCRATCH)
+            got = self._fit(self._fitter.fresh(asked), FROM_SCRATCH)
             following: dict[int, int] = {}
             for row, candidate in got.items():
                 if self._accept(row, candidate):
@@ -108,7 +123,7 @@ class SpanSearch:
         before = {row: self.found.pop(row) for row in shares}
         for row, share in shares.items():
             self._aims_mm[row] *= share
-        got = self._fit({row: _start_of(candidate) for row, candidate in before.items()}, FROM_NEIGHBOUR)
+        got = self._fit({row: candidate.start for row, candidate in before.items()}, FROM_NEIGHBOUR)
         self._lengthen({row: candidate for row, candidate in got.items() if not self._accept(row, candidate)})
 
     def _more(self, row: int, candidate: Candidate) -> int:
@@ -123,20 +138,20 @@ class SpanSearch:
 
     def _share(self) -> None:
         """Let a curve with many more spans than a neighbour try that neighbour's, once up and once down the rows."""
-        count = len(self._table.lengths_mm)
+        count = self._fitter.count
         for ahead in (1, -1):
             starts = {}
             for row in range(max(0, -ahead), count - max(0, ahead)):
                 mine, other = self.found[row], self.found[row + ahead]
                 if other.spans + 1 < mine.spans and self.ends[row + ahead] is SearchEnd.FITTED:
-                    starts[row] = _with_knot(other)
+                    starts[row] = self._fitter.opened(other)
             for row, candidate in self._fit(starts, FROM_SCRATCH).items():
                 self._accept(row, candidate)
 
     def _lengthen(self, short: dict[int, Candidate]) -> None:
         """Add a knot where each is worst, a few times; what still fails is searched from scratch."""
         for _ in range(EXTRA_KNOTS):
-            got = self._fit({row: _with_knot(candidate) for row, candidate in short.items()}, FROM_NEIGHBOUR)
+            got = self._fit({row: self._fitter.opened(candidate) for row, candidate in short.items()}, FROM_NEIGHBOUR)
             short = {row: candidate for row, candidate in got.items() if not self._accept(row, candidate)}
         self.from_scratch({row: candidate.spans for row, candidate in short.items()})
 
@@ -152,59 +167,21 @@ class SpanSearch:
     def _between(self, row: int) -> Start:
         """A start from the nearest fitted curves before and after: their mean if they have as many spans."""
         before = next((other for other in range(row - 1, -1, -1) if other in self.found), None)
-        after = next((other for other in range(row + 1, len(self._table.lengths_mm)) if other in self.found), None)
-        sides = [_start_of(self.found[other]) for other in (before, after) if other is not None]
+        after = next((other for other in range(row + 1, self._fitter.count) if other in self.found), None)
+        sides = [self.found[other].start for other in (before, after) if other is not None]
         fewest = min(side.spans for side in sides)
         sides = [side for side in sides if side.spans == fewest]
-        knots = np.mean([side.knots for side in sides], axis=0)
-        return Start(knots, np.mean([side.arcs for side in sides], axis=0))
-
-    def _even(self, row: int, spans: int) -> Start:
-        """Knots crowded where the curvature changes, the arc length as parameter."""
-        inner = self._table.places([row], spans + 1)[0] / self._table.lengths_mm[row]
-        knots = np.concatenate([np.zeros(3), inner, np.ones(3)])
-        return Start(knots, _places(knots))
+        joints = np.mean([side.joints for side in sides], axis=0)
+        return Start(joints, np.mean([side.feet for side in sides], axis=0))
 
     def _fit(self, starts: dict[int, Start], powers: Array) -> dict[int, Candidate]:
         """Iterate all starts, in batches of about the same number of spans."""
+        if not starts:
+            return {}
         rows = np.array(sorted(starts, key=lambda row: (starts[row].spans, row)), np.intp)
         total = np.cumsum([starts[row].spans for row in rows])
         done: dict[int, Candidate] = {}
         for batch in np.split(rows, np.flatnonzero(np.diff(total // SPANS_AT_ONCE)) + 1):
-            done.update(self._fit_batch(batch, [starts[row] for row in batch], powers))
+            got = self._fitter.fit(batch, [starts[row] for row in batch], powers, self._aims_mm[batch])
+            done.update(zip(batch.tolist(), got, strict=True))
         return done
-
-    def _fit_batch(self, rows: Index, starts: list[Start], powers: Array) -> dict[int, Candidate]:
-        if not starts:
-            return {}
-        lengths_mm = self._table.lengths_mm[rows]
-        knots = [start.knots * length for start, length in zip(starts, lengths_mm, strict=True)]
-        arcs = [start.arcs * length for start, length in zip(starts, lengths_mm, strict=True)]
-        fit = start_fit(self._table, rows, knots, np.concatenate(arcs, axis=1))
-        fit = improve(self._table, rows, fit, powers=powers, targets_mm=self._aims_mm[rows])
-        return {int(row): _candidate(fit, at) for at, row in enumerate(rows)}
-
-
-def _places(knots: Array) -> Array:
-    """The places (k, spans) of one spline with knots (n + 4,)."""
-    return places_in(np.lib.stride_tricks.sliding_window_view(knots[1:-1], 6).T)
-
-
-def _candidate(fit: Fit, at: int) -> Candidate:
-    knots, control_points = fit.spline(at)
-    spans = slice(fit.index.firsts[at], fit.index.lasts[at] + 1)
-    worst = int(np.abs(fit.distance[:, spans]).max(axis=0).argmax())
-    return Candidate(knots, control_points, fit.arcs[:, spans].copy(), float(fit.errors_mm[at]), worst)
-
-
-def _start_of(candidate: Candidate) -> Start:
-    length_mm = candidate.knots[-1]
-    return Start(candidate.knots / length_mm, candidate.arcs / length_mm)
-
-
-def _with_knot(candidate: Candidate) -> Start:
-    """The candidate's parametrisation with one more knot, in the middle of the span where it is worst."""
-    knots, at = candidate.knots, candidate.worst + 3
-    more = np.insert(knots, at + 1, 0.5 * (knots[at] + knots[at + 1]))
-    arcs = np.interp(_places(more).T.ravel(), _places(knots).T.ravel(), candidate.arcs.T.ravel())
-    return Start(more / knots[-1], arcs.reshape(-1, PLACES).T / knots[-1])

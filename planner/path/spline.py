@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from planner.errors import InputRejected
 from planner.path.bound import certify_all
-from planner.path.curve import CurveTable, ExactCurve
+from planner.path.cubic_fitter import CubicFitter
+from planner.path.curve import ExactCurve
 from planner.path.model import Method, PlaneSpline
 from planner.path.slope_range import patch_table
 from planner.path.span_search import SearchEnd, SpanSearch
@@ -33,13 +34,13 @@ def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float, rounds: int = 
     """
     if not curves:
         return []
-    search = SpanSearch(CurveTable(curves), AIM * tolerance_mm, MOST_SPANS)
+    search = SpanSearch(CubicFitter(curves), AIM * tolerance_mm, MOST_SPANS)
     search.run()
     table = patch_table(curves)
     done: dict[int, FittedSpline] = {}
     for turn in range(rounds):
         rows = [row for row in range(len(curves)) if row not in done]
-        splines = [PlaneSpline(3, search.found[row].knots, search.found[row].control_points) for row in rows]
+        splines = [search.found[row].spline for row in rows]
         bounds = certify_all([curves[row] for row in rows], splines, table)
         short: dict[int, float] = {}
         for row, spline, (deviation_mm, method) in zip(rows, splines, bounds, strict=True):

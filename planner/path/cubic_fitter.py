@@ -1,0 +1,69 @@
+"""Free cubics for the search: starts with crowded knots, one more knot, and fits of a batch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from planner.path.curve import CurveTable, ExactCurve
+from planner.path.free_fit import PLACES, Fit, places_in, start_fit, step
+from planner.path.gauss_newton import improve
+from planner.path.model import Array, PlaneSpline
+from planner.path.plane_spline import Index
+from planner.path.span_search import Candidate, Start
+
+
+class CubicFitter:
+    """Cubic B-splines with free parametrisation, (F5) to (F9); feet are arc lengths."""
+
+    def __init__(self, curves: Sequence[ExactCurve]) -> None:
+        self._table = CurveTable(curves)
+        self.count = len(curves)
+
+    def fresh(self, asked: dict[int, int]) -> dict[int, Start]:
+        """Knots crowded where the curvature changes, the arc length as parameter."""
+        return {row: self._crowded(row, spans) for row, spans in asked.items()}
+
+    def _crowded(self, row: int, spans: int) -> Start:
+        joints = self._table.places([row], spans + 1)[0] / self._table.lengths_mm[row]
+        return Start(joints, _places(joints))
+
+    def opened(self, candidate: Candidate) -> Start:
+        """The candidate's parametrisation with one more knot, in the middle of the span where it is worst."""
+        joints, at = candidate.start.joints, candidate.worst
+        more = np.insert(joints, at + 1, 0.5 * (joints[at] + joints[at + 1]))
+        feet = np.interp(_places(more).T.ravel(), _places(joints).T.ravel(), candidate.start.feet.T.ravel())
+        return Start(more, feet.reshape(-1, PLACES).T)
+
+    def fit(self, rows: Index, starts: list[Start], powers: Array, targets_mm: Array) -> list[Candidate]:
+        """Gauss-Newton from these starts."""
+        lengths_mm = self._table.lengths_mm[rows]
+        knots = [_clamped(start.joints) * length for start, length in zip(starts, lengths_mm, strict=True)]
+        feet = [start.feet * length for start, length in zip(starts, lengths_mm, strict=True)]
+        fit = start_fit(self._table, rows, knots, np.concatenate(feet, axis=1))
+        stepping = partial(_step_of, self._table, rows)
+        fit = improve(fit, stepping, powers=powers, targets_mm=targets_mm)
+        return [_candidate(fit, at) for at in range(len(rows))]
+
+
+def _step_of(table: CurveTable, rows: Index, live: Index, fit: Fit, power: int, damping: Array) -> tuple[Fit, Array]:
+    return step(table, rows[live], fit, power, damping)
+
+
+def _clamped(joints: Array) -> Array:
+    return np.concatenate([np.repeat(joints[:1], 3), joints, np.repeat(joints[-1:], 3)])
+
+
+def _places(joints: Array) -> Array:
+    """The places (k, spans) of one spline between its joints."""
+    return places_in(np.lib.stride_tricks.sliding_window_view(_clamped(joints)[1:-1], 6).T)
+
+
+def _candidate(fit: Fit, at: int) -> Candidate:
+    knots, control_points = fit.spline(at)
+    spans = slice(fit.index.firsts[at], fit.index.lasts[at] + 1)
+    worst = int(np.abs(fit.distance[:, spans]).max(axis=0).argmax())
+    start = Start(knots[3:-3] / knots[-1], fit.arcs[:, spans] / knots[-1])
+    return Candidate(start, PlaneSpline(3, knots, control_points), float(fit.errors_mm[at]), worst)
