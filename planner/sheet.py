@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.path.model import Array, Pass, PlaneSpline
-from planner.post.spans import bezier_points, in_work
+from planner.path.spans import bezier_points, in_work
 from planner.sketch import Lines, side_view, top_view
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ def _points(one: Pass, drop_mm: float) -> Array:
     """Points (n, 3) along a pass, fine enough for a picture."""
     shape = one.shape
     if isinstance(shape, PlaneSpline):
-        bezier = bezier_points(shape)
+        bezier = bezier_points([shape])
         degree = bezier.shape[1] - 1
         p = np.linspace(0.0, 1.0, _SAMPLES)[:, None, None]
         values = [bezier[None, :, number] for number in range(degree + 1)]

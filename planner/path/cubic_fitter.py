@@ -14,6 +14,8 @@ from planner.path.model import Array, PlaneSpline
 from planner.path.plane_spline import Index
 from planner.path.span_search import Candidate, Start
 
+PATIENCE = 5
+
 
 class CubicFitter:
     """Cubic B-splines with free parametrisation, (F5) to (F9); feet are arc lengths."""
@@ -44,7 +46,7 @@ class CubicFitter:
         feet = [start.feet * length for start, length in zip(starts, lengths_mm, strict=True)]
         fit = start_fit(self._table, rows, knots, np.concatenate(feet, axis=1))
         stepping = partial(_step_of, self._table, rows)
-        fit = improve(fit, stepping, powers=powers, targets_mm=targets_mm)
+        fit = improve(fit, stepping, powers=powers, targets_mm=targets_mm, patience=PATIENCE)
         return [_candidate(fit, at) for at in range(len(rows))]
 
 

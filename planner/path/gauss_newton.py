@@ -10,8 +10,6 @@ import numpy as np
 from planner.path.model import Array
 from planner.path.plane_spline import Index
 
-GIVE_UP_AFTER = 5
-
 
 class Batch(Protocol):
     """Fits of several curves, one a row; `errors_mm` (p,) is the largest distance of each."""
@@ -36,12 +34,13 @@ def improve(
     *,
     powers: Array,
     targets_mm: Array,
+    patience: int,
 ) -> AnyBatch:
     """The best of a damped step for every power of `powers`: 2 is least squares, more nears minimax.
 
     `step` takes rows, their fit, the power and the damping (p,), and gives the fit moved, where that was better, and
     the new damping. A row stops when it reaches its target of `targets_mm` (p,), or when it is far from it and has
-    gained less than a tenth in some steps.
+    gained less than a tenth in `patience` steps.
     """
     best = fit.take(np.arange(len(targets_mm)))
     live = np.flatnonzero(fit.errors_mm > targets_mm)
@@ -56,8 +55,8 @@ def improve(
         reached = best.errors_mm[live]
         history.append(reached)
         is_open = reached > targets_mm[live]
-        if len(history) > GIVE_UP_AFTER:
-            gain = history[-1 - GIVE_UP_AFTER] / reached
+        if len(history) > patience:
+            gain = history[-1 - patience] / reached
             is_open &= (gain**2 > reached / targets_mm[live]) | (gain > 1.1)
         if not is_open.all():
             kept = np.flatnonzero(is_open)

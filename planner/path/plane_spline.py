@@ -6,8 +6,6 @@ interior are simple, the ends clamped. Equations (F1) to (F4) of EQUATIONS-fitti
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,26 +54,6 @@ def combine(weights: Array, control_points: Array, spans: Index) -> Array:
     _, rows, count = control_points.shape
     legs = np.arange(rows)[:, None] * count + spans + np.arange(-3, 1)[:, None, None]
     return np.asarray((control_points.reshape(2, -1)[:, legs] * weights).sum(axis=1))
-
-
-@dataclass(frozen=True, slots=True)
-class Pieces:
-    """A batch of splines as cubics between their knots, (F3): `coefficients` (4, 2, p, spans) of rising powers.
-
-    `starts` (p, spans) are the parameters where the pieces begin, from which the powers count.
-    """
-
-    starts: Array
-    coefficients: Array
-
-
-def pieces(knots: Array, control_points: Array) -> Pieces:
-    """The batch in power form; the second derivative is linear between knots, which gives the cubic coefficient."""
-    places = knots[:, 3:-3]
-    spans = np.broadcast_to(np.minimum(np.arange(places.shape[1]), places.shape[1] - 2) + 3, places.shape)
-    point, slope, bend = (combine(part, control_points, spans) for part in basis(knots, places, spans))
-    third = np.diff(bend, axis=2) / np.diff(places, axis=1)
-    return Pieces(places[:, :-1], np.stack([point[:, :, :-1], slope[:, :, :-1], bend[:, :, :-1] / 2, third / 6]))
 
 
 def evaluate(spline: PlaneSpline, parameters: Array) -> tuple[Array, Array, Array]:

@@ -1,19 +1,21 @@
-"""The planar cubic B-spline of every pass, with as few spans as its tolerance allows."""
+"""The spline of every pass, free cubic or heights of degree 5, with as few spans as its tolerance allows."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from planner.errors import InputRejected
 from planner.path.bound import certify_all
 from planner.path.cubic_fitter import CubicFitter
 from planner.path.curve import ExactCurve
+from planner.path.height_fitter import HeightFitter
 from planner.path.model import Method, PlaneSpline
 from planner.path.slope_range import patch_table
-from planner.path.span_search import SearchEnd, SpanSearch
+from planner.path.span_search import Fitter, SearchEnd, SpanSearch
 
 MOST_SPANS = 400
+LEAST_LEAN = 0.5  # cosine of the steepest angle at which a pass is written as heights
 AIM = 0.9  # of the tolerance, at the places of the spans; the distance between them comes on top
 
 
@@ -26,31 +28,66 @@ class FittedSpline:
     method: Method
 
 
-def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float, rounds: int = 8) -> list[FittedSpline]:
+def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[FittedSpline]:
     """One cubic B-spline a curve, bounded within the tolerance, ends on the curve's ends; (F5) to (F11).
 
-    A pass whose bound fails is aimed again lower, `rounds` times at most. Raises InputRejected with the pass and the
-    distance reached where the tolerance cannot be kept.
+    Raises InputRejected with the pass and the distance reached where the tolerance cannot be kept.
     """
+    fits: list[FittedSpline] = []
+    for row, fit in enumerate(_fit(curves, CubicFitter, tolerance_mm)):
+        if isinstance(fit, Failed):
+            what = f"pass {row + 1} is {1e3 * fit.deviation_mm:.3g} um off at {fit.spans} spans"
+            raise InputRejected(f"{what}: {fit.end.value}", remedy="give a larger path_mm")
+        fits.append(fit)
+    return fits
+
+
+def fit_heights(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[FittedSpline | None]:
+    """One spline z(w) of degree 5 a curve, bounded within the tolerance, ends on the curve's ends; (F18) to (F21).
+
+    None for curves that are too steep for heights, and where the tolerance cannot be kept.
+    """
+    gentle = [row for row, curve in enumerate(curves) if curve.tangents[:, 0].min() > LEAST_LEAN]
+    found: list[FittedSpline | None] = [None] * len(curves)
+    for row, fit in zip(gentle, _fit([curves[row] for row in gentle], HeightFitter, tolerance_mm), strict=True):
+        found[row] = None if isinstance(fit, Failed) else fit
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """How the search for one curve ended without a spline, and how far the last one was off."""
+
+    deviation_mm: float
+    spans: int
+    end: SearchEnd
+
+
+def _fit(
+    curves: Sequence[ExactCurve],
+    kind: Callable[[Sequence[ExactCurve]], Fitter],
+    tolerance_mm: float,
+    rounds: int = 8,
+) -> list[FittedSpline | Failed]:
+    """One spline a curve; one whose bound fails is aimed again lower, `rounds` times at most."""
     if not curves:
         return []
-    search = SpanSearch(CubicFitter(curves), AIM * tolerance_mm, MOST_SPANS)
+    search = SpanSearch(kind(curves), AIM * tolerance_mm, MOST_SPANS)
     search.run()
     table = patch_table(curves)
-    done: dict[int, FittedSpline] = {}
+    done: dict[int, FittedSpline | Failed] = {}
     for turn in range(rounds):
         rows = [row for row in range(len(curves)) if row not in done]
         splines = [search.found[row].spline for row in rows]
         bounds = certify_all([curves[row] for row in rows], splines, table)
         short: dict[int, float] = {}
         for row, spline, (deviation_mm, method) in zip(rows, splines, bounds, strict=True):
-            found = search.found[row]
+            found, end = search.found[row], search.ends[row]
             if deviation_mm <= tolerance_mm:
                 done[row] = FittedSpline(spline, deviation_mm, method)
-            elif search.ends[row] is not SearchEnd.FITTED or found.spans >= MOST_SPANS or turn == rounds - 1:
-                end = SearchEnd.NOT_BOUNDED if search.ends[row] is SearchEnd.FITTED else search.ends[row]
-                what = f"pass {row + 1} is {1e3 * deviation_mm:.3g} um off at {found.spans} spans"
-                raise InputRejected(f"{what}: {end.value}", remedy="give a larger path_mm")
+            elif end is not SearchEnd.FITTED or found.spans >= MOST_SPANS or turn == rounds - 1:
+                end = SearchEnd.NOT_BOUNDED if end is SearchEnd.FITTED else end
+                done[row] = Failed(deviation_mm, found.spans, end)
             else:
                 short[row] = min(0.95, max(0.5, 0.97 * tolerance_mm / deviation_mm))
         if not short:

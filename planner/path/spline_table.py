@@ -1,4 +1,4 @@
-"""Many cubic splines of different sizes in flat arrays: points anywhere on them, and how fast their curvature changes.
+"""Many splines of one degree and different sizes in flat arrays: points anywhere on them, and how fast their curvature changes.
 
 Places are pairs of a row (which spline) and a parameter. Equations (F3) and (F12) of EQUATIONS-fitting.md.
 """
@@ -6,19 +6,15 @@ Places are pairs of a row (which spline) and a parameter. Equations (F3) and (F1
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.path.model import Array, PlaneSpline
-from planner.path.plane_spline import Index, pieces
-
-BERNSTEIN_OF_POWERS = np.array(
-    # Row i: the ith Bernstein coefficient, of degree 6 on [0, 1], of a polynomial given by rising powers.
-    [[1, 0, 0, 0, 0, 0, 0]]
-    + [[1, i / 6, i * (i - 1) / 30, i * (i - 1) * (i - 2) / 120, i * (i - 1) * (i - 2) * (i - 3) / 360,
-        i * (i - 1) * (i - 2) * (i - 3) * (i - 4) / 720, float(i == 6)] for i in range(1, 7)]
-)  # fmt: skip
+from planner.path.plane_spline import Index
+from planner.path.spans import bezier_points, joints_of, power_form
 
 
 class SplineTable:
@@ -29,26 +25,17 @@ class SplineTable:
         self.last_knot = np.array([spline.knots[-1] for spline in splines])
         width = self.last_knot - self.first_knot
         self._base = np.cumsum(width + 1.0) - width - self.first_knot
-        by_size: dict[int, list[int]] = {}
-        for row, spline in enumerate(splines):
-            by_size.setdefault(len(spline.knots), []).append(row)
-        parts: list[tuple[Array, Array] | None] = [None] * len(splines)
-        for rows in by_size.values():
-            form = pieces(
-                np.stack([splines[row].knots for row in rows]),
-                np.stack([splines[row].control_points.T for row in rows], axis=1),
-            )
-            for at, row in enumerate(rows):
-                parts[row] = form.starts[at], form.coefficients[:, :, at].transpose(0, 2, 1)
-        found = [part for part in parts if part is not None]
-        counts = np.array([len(starts) for starts, _ in found])
+        joints = [joints_of(spline) for spline in splines]
+        counts = np.array([len(places) - 1 for places in joints])
         self._first = np.cumsum(counts) - counts
         self._last = np.cumsum(counts) - 1
-        self._starts = np.concatenate([starts for starts, _ in found])
-        self._ends = np.append(self._starts[1:], 0.0)
-        self._ends[self._last] = self.last_knot
-        self._keys = np.concatenate([starts + base for (starts, _), base in zip(found, self._base, strict=True)])
-        self._coefficients = np.concatenate([values for _, values in found], axis=1)
+        self._starts = np.concatenate([places[:-1] for places in joints])
+        self._ends = np.concatenate([places[1:] for places in joints])
+        self._keys = self._starts + np.repeat(self._base, counts)
+        powers = power_form(bezier_points(splines)).transpose(1, 0, 2)
+        scale = (self._ends - self._starts) ** np.arange(len(powers))[:, None]
+        # Rising powers first, counted from the start of the piece, (F3).
+        self._coefficients = powers / scale[:, :, None]
 
     def piece_of(self, rows: Index, parameters: Array) -> Index:
         """The piece (k,) of each place; beyond the ends the end piece."""
@@ -58,9 +45,14 @@ class SplineTable:
     def evaluate(self, rows: Index, parameters: Array) -> tuple[Array, Array, Array]:
         """Points, first and second derivatives, each (k, 2)."""
         at = self.piece_of(rows, parameters)
-        c0, c1, c2, c3 = self._coefficients[:, at]
+        *lower, value = self._coefficients[:, at]
         x = (parameters - self._starts[at])[:, None]
-        return c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2 * c2 + x * (3 * c3)), 2 * c2 + 6 * x * c3
+        slope, bend = np.zeros_like(value), np.zeros_like(value)
+        for coefficient in reversed(lower):
+            bend = slope + x * bend
+            slope = value + x * slope
+            value = coefficient + x * value
+        return value, slope, 2 * bend
 
     def parameters_at(self, rows: Index, arc_mm: Array) -> Array:
         """Parameters (k,) at about these arc lengths of the splines, by the chords of 16 points a piece."""
@@ -97,11 +89,10 @@ class SplineTable:
             piece < self._last[np.searchsorted(self._last, piece)], np.minimum(right, self._ends[piece]), right
         )
         width = (right - left)[:, None]
-        _, c1, c2, c3 = self._coefficients[:, piece]
-        x = (left - self._starts[piece])[:, None]
-        first = [c1 + x * (2 * c2 + 3 * x * c3), width * (2 * c2 + 6 * x * c3), 3 * width**2 * c3]
-        second = [2 * c2 + 6 * x * c3, 6 * width * c3]
-        third = [6 * c3]
+        taylor = _shifted(list(self._coefficients[:, piece]), (left - self._starts[piece])[:, None])
+        first = [k * part * width ** (k - 1) for k, part in enumerate(taylor) if k >= 1]
+        second = [k * (k - 1) * part * width ** (k - 2) for k, part in enumerate(taylor) if k >= 2]
+        third = [k * (k - 1) * (k - 2) * part * width ** (k - 3) for k, part in enumerate(taylor) if k >= 3]
         speed2 = _dot(first, first)
         turn = _cross(first, second)
         numerator = _minus(
@@ -113,6 +104,14 @@ class SplineTable:
         # not bounded away from zero leaves the quotient open.
         least, most = _reciprocal_cubes(fast), _reciprocal_cubes(slow)
         return low * np.where(low < 0, most, least), high * np.where(high > 0, most, least)
+
+
+def _shifted(powers: list[Array], x: Array) -> list[Array]:
+    """Coefficients of rising powers about the places x, from those about 0, by repeated division."""
+    for low in range(len(powers) - 1):
+        for k in range(len(powers) - 2, low - 1, -1):
+            powers[k] = powers[k] + x * powers[k + 1]
+    return powers
 
 
 def _reciprocal_cubes(squares: Array) -> Array:
@@ -151,7 +150,14 @@ def _minus(left: list[Array], right: list[Array]) -> list[Array]:
 
 
 def _bernstein_range(powers: list[Array]) -> tuple[Array, Array]:
-    """Bounds of polynomials on [0, 1] by their Bernstein coefficients of degree 6."""
+    """Bounds of polynomials on [0, 1] by their Bernstein coefficients."""
     stacked: NDArray[np.float64] = np.stack(powers)
-    coefficients = BERNSTEIN_OF_POWERS[:, : len(powers)] @ stacked
+    coefficients = _bernstein_of_powers(len(powers) - 1) @ stacked
     return coefficients.min(axis=0), coefficients.max(axis=0)
+
+
+@cache
+def _bernstein_of_powers(degree: int) -> Array:
+    """Row i: the ith Bernstein coefficient on [0, 1] of a polynomial given by rising powers."""
+    order = range(degree + 1)
+    return np.array([[comb(i, k) / comb(degree, k) for k in order] for i in order])

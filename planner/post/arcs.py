@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from planner.gcode.words import decimal_text
 from planner.path.model import ArcChain, Array, DrivingPlane, Pass
+from planner.path.spans import in_work
 from planner.post.digits import Digits, fewest_digits
 from planner.post.numbers import rounded_mm, to_units
 from planner.post.passtext import AXES, PassText, Point, is_constant
-from planner.post.spans import in_work
 
 _WINDOW = 0.2  # of an arc's extent along the pass, on both sides of its middle
 _OUTSIDE = 1.3  # an affine function given at both ends and the middle of an arc below 180 deg grows no more

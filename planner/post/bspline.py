@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from planner.gcode.words import decimal_text
 from planner.path.model import Array, Pass, PlaneSpline
+from planner.path.spans import bezier_points, in_work, joints_of, power_form
 from planner.post.digits import Digits, fewest_digits
 from planner.post.numbers import rounded_mm, to_units
 from planner.post.passtext import AXES, PassText, Point, is_constant
 from planner.post.rounding import SpanChain, path_bound_mm
-from planner.post.spans import bezier_points, in_work, knot_lengths, power_form
 
 KnotRule = Literal["nx", "genua"]
 _KNOT_DIGITS = 8
@@ -93,9 +93,9 @@ def _curve_of(one: Pass, drop_z_mm: float, min_blocks: int) -> _Curve:
     if one.shape.degree != 3:
         raise ValueError("BSPLINE blocks are written for cubics")
     spline = with_blocks(one.shape, min_blocks + 1)
-    work = in_work(one.plane, bezier_points(spline), drop_z_mm)
+    work = in_work(one.plane, bezier_points([spline]), drop_z_mm)
     number = np.arange(len(work))
-    exact = SpanChain.of(power_form(work), knot_lengths(spline), number == 0, number == len(work) - 1)
+    exact = SpanChain.of(power_form(work), np.diff(joints_of(spline)), number == 0, number == len(work) - 1)
     return _Curve(spline, in_work(one.plane, spline.control_points, drop_z_mm), exact, is_constant(one.plane))
 
 
@@ -119,7 +119,7 @@ def _point_decimals(curve: _Curve, digits: Digits, fine: int) -> Digits:
 def _bound_mm(curve: _Curve, digits: Digits, fine: int) -> float:
     points = rounded_mm(curve.points, _point_decimals(curve, digits, fine))
     knots = np.concatenate([[0.0], np.cumsum(_intervals(curve.spline, int(digits[2])))])
-    written = power_form(bezier_points(PlaneSpline(3, knots.astype(np.float64), points)))
+    written = power_form(bezier_points([PlaneSpline(3, knots.astype(np.float64), points)]))
     return float(path_bound_mm(curve.exact, written).max())
 
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from planner.path.model import Array, PlaneSpline
+from planner.path.spans import bezier_points
 from planner.post.numbers import plain
-from planner.post.spans import bezier_points
 
 _POINTS = np.array([[0, 0], [10, 20], [20, -10], [35, 25], [50, -5], [60, 15], [70, 0]], dtype=np.float64)
 _INTERVALS = (5, 40, 10, 25)
@@ -25,7 +25,7 @@ def probe_curve() -> PlaneSpline:
 
 def joints(curve: PlaneSpline) -> Array:
     """Where the spans of a curve end, shape (spans, 2), mm."""
-    return np.asarray(bezier_points(curve)[:, -1])
+    return np.asarray(bezier_points([curve])[:, -1])
 
 
 def knot_test_program(safe_z_mm: float, feed_mm_min: float = 500.0) -> bytes:

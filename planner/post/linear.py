@@ -9,11 +9,11 @@ import numpy as np
 
 from planner.gcode.words import decimal_text
 from planner.path.model import Array, Pass, Polyline
+from planner.path.spans import in_work
 from planner.post.digits import Digits, fewest_digits
 from planner.post.numbers import rounded_mm, to_units
 from planner.post.passtext import PassText, Point, is_constant, moved_words
 from planner.post.rounding import polyline_bound_mm
-from planner.post.spans import in_work
 
 
 def linear_passes(

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from planner.gcode.words import decimal_text
 from planner.path.model import Array, Pass, PlaneSpline
+from planner.path.spans import bezier_points, in_work, joints_of, power_form, raised_to_cubic
 from planner.post.digits import Digits, fewest_digits
 from planner.post.numbers import rounded_mm, to_units
 from planner.post.passtext import AXES, PassText, Point, is_constant
 from planner.post.rounding import SpanChain, path_bound_mm, poly_power
-from planner.post.spans import bezier_points, in_work, knot_lengths, power_form, raised_to_cubic
 
 _MOST_MARGIN = 2
 # columns of the search: end, square, cube of X and Y, then of Z
@@ -80,9 +80,9 @@ def _chain_of(passes: Sequence[Pass], drop_z_mm: float) -> _Chain:
     pieces, counts, lengths, still = [], [], [], []
     for one in passes:
         assert isinstance(one.shape, PlaneSpline)
-        bezier = raised_to_cubic(bezier_points(one.shape))
+        bezier = raised_to_cubic(bezier_points([one.shape]))
         pieces.append(in_work(one.plane, bezier, drop_z_mm))
-        lengths.append(knot_lengths(one.shape))
+        lengths.append(np.diff(joints_of(one.shape)))
         counts.append(len(bezier))
         still.append(np.tile(is_constant(one.plane), (len(bezier), 1)))
     work = np.concatenate(pieces)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from planner.path.model import PlaneSpline
+from planner.path.spans import bezier_points, joints_of, power_form, raised_to_cubic
 from planner.post.rounding import SpanChain, curve_bound_mm, path_bound_mm, polyline_bound_mm
-from planner.post.spans import bezier_points, knot_lengths, power_form, raised_to_cubic
 from tests.planner.post.paths import distance_mm, spline
 
 P = np.linspace(0.0, 1.0, 401)
@@ -36,10 +36,10 @@ def test_spans_trace_the_spline(seed: int, degree: int, inner: int) -> None:
     breaks = np.repeat(np.sort(random.uniform(1.0, 9.0, inner)), random.integers(1, degree + 1, inner))
     knots = np.concatenate([np.zeros(degree + 1), breaks, np.full(degree + 1, 10.0)])
     made = PlaneSpline(degree, knots, random.uniform(-50, 50, (len(knots) - degree - 1, 2)))
-    power = power_form(raised_to_cubic(bezier_points(made)))
+    power = power_form(raised_to_cubic(bezier_points([made])))
     distinct = np.unique(knots)
     assert len(power) == len(distinct) - 1
-    assert np.allclose(knot_lengths(made), np.diff(distinct))
+    assert np.allclose(np.diff(joints_of(made)), np.diff(distinct))
     reference = BSpline(knots, made.control_points, degree)
     for coefficients, low, high in zip(power, distinct, distinct[1:], strict=False):
         p = np.linspace(0.0, 1.0, 11)
@@ -49,10 +49,10 @@ def test_spans_trace_the_spline(seed: int, degree: int, inner: int) -> None:
 
 def _chain(seed: int, inner: int) -> SpanChain:
     made = spline(seed, inner=inner)
-    bezier = bezier_points(made)
+    bezier = bezier_points([made])
     work = np.concatenate([bezier[..., :1], np.zeros_like(bezier[..., :1]), bezier[..., 1:]], axis=2)
     number = np.arange(len(work))
-    return SpanChain.of(power_form(work), knot_lengths(made), number == 0, number == len(work) - 1)
+    return SpanChain.of(power_form(work), np.diff(joints_of(made)), number == 0, number == len(work) - 1)
 
 
 def _samples(power: np.ndarray, count: int) -> np.ndarray:

@@ -1,0 +1,78 @@
+"""Plane splines as one polynomial per knot span: its Bezier points, its powers, the lengths of the spans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from math import comb
+
+import numpy as np
+
+from planner.path.model import Array, DrivingPlane, PlaneSpline
+
+
+def bezier_points(splines: Sequence[PlaneSpline]) -> Array:
+    """Bezier points of every knot span that is not empty, of splines of one degree, (spans of all, degree + 1, 2).
+
+    By blossoming: point j of the span [a, b] is the blossom at (degree - j) times a and j times b, so neighbouring
+    spans share their joint bit for bit as far as rounding of doubles goes.
+    """
+    degree = splines[0].degree
+    knots = np.concatenate([spline.knots for spline in splines])
+    points = np.concatenate([spline.control_points for spline in splines])
+    owner = np.repeat(np.arange(len(splines)), [len(spline.knots) for spline in splines])
+    is_span = np.append((knots[1:] > knots[:-1]) & (owner[1:] == owner[:-1]), False)
+    spans = np.flatnonzero(is_span)
+    # A spline has degree + 1 knots more than points.
+    first = spans - degree - (degree + 1) * owner[spans]
+    ends = np.stack([knots[spans], knots[spans + 1]])
+    window = knots[spans[:, None] + np.arange(1 - degree, degree + 1)]
+    legs = points[first[:, None] + np.arange(degree + 1)]
+    return np.stack([_blossom(window, legs, ends, number) for number in range(degree + 1)], axis=1)
+
+
+def _blossom(window: Array, points: Array, ends: Array, at_end: int) -> Array:
+    """The blossom (m, 2) of spans with 2 degree knots around each and degree + 1 points, `at_end` times at its end."""
+    degree = points.shape[1] - 1
+    for level in range(1, degree + 1):
+        argument = ends[1 if level <= at_end else 0][:, None]
+        low, high = window[:, level - 1 : degree], window[:, degree : 2 * degree + 1 - level]
+        share = ((argument - low) / (high - low))[:, :, None]
+        points = (1.0 - share) * points[:, :-1] + share * points[:, 1:]
+    return np.asarray(points[:, 0])
+
+
+def joints_of(spline: PlaneSpline) -> Array:
+    """The parameters (spans + 1,) where the spans that are not empty begin and end."""
+    knots = spline.knots[spline.degree : len(spline.control_points) + 1]
+    return np.asarray(knots[np.append(True, np.diff(knots) > 0.0)])
+
+
+def power_form(bezier: Array) -> Array:
+    """Bezier points (m, n + 1, d) as coefficients (m, n + 1, d) of p^0 .. p^n on [0, 1]."""
+    return np.asarray(np.einsum("kj,mjd->mkd", _powers_of_bezier(bezier.shape[1] - 1), bezier))
+
+
+@cache
+def _powers_of_bezier(degree: int) -> Array:
+    """Matrix from Bezier points to power coefficients: binomial (n, k) times the kth forward difference."""
+    order = range(degree + 1)
+    return np.array(
+        [[(-1.0) ** (k - j) * comb(degree, k) * comb(k, j) if j <= k else 0.0 for j in order] for k in order]
+    )
+
+
+def raised_to_cubic(bezier: Array) -> Array:
+    """Bezier points of degree 1, 2 or 3, shape (m, degree + 1, d), as cubic ones (m, 4, d)."""
+    while bezier.shape[1] < 4:
+        degree = bezier.shape[1] - 1
+        share = (np.arange(1, degree + 1) / (degree + 1.0))[None, :, None]
+        middle = share * bezier[:, :-1] + (1.0 - share) * bezier[:, 1:]
+        bezier = np.concatenate([bezier[:, :1], middle, bezier[:, -1:]], axis=1)
+    return bezier
+
+
+def in_work(plane: DrivingPlane, plane_points: Array, drop_z_mm: float) -> Array:
+    """Plane points (..., 2) of (w, z) as work points (..., 3), lowered by `drop_z_mm`."""
+    flat = plane.to_work(plane_points.reshape(-1, 2)) - np.array([0.0, 0.0, drop_z_mm])
+    return np.asarray(flat.reshape(*plane_points.shape[:-1], 3))
