@@ -20,6 +20,7 @@ def settings_of(
     control = profile.control
     return Settings(
         knot_rule=KnotRule(control.knot_rule),
+        poly_degree=control.poly_degree,
         g28=G28(control.g28),
         backward_jump_alarm=control.backward_jump_alarm,
         has_tool_changer=control.has_tool_changer,

@@ -22,6 +22,7 @@ def limits_of(profile: MachineProfile) -> ControlLimits:
         min_spline_blocks=control.min_spline_blocks,
         knot_rule=control.knot_rule,
         knot_rule_verified=bool(control.knot_rule_verified),
+        poly_degree=control.poly_degree,
         retract_z_mm=control.retract_z_mm,
         has_tool_changer=control.has_tool_changer,
         is_inch=control.units == "inch",

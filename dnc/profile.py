@@ -63,8 +63,8 @@ class Tape(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Control(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the control reads and how much it can take.
 
-    `g28` is what that code of the ISO dialect does, `backward_jump_alarm` the number that a jump back raises while the
-    program is fed.
+    `poly_degree` is the highest degree of POLY that the control is known to read, `g28` what that code of the ISO
+    dialect does, `backward_jump_alarm` the number that a jump back raises while the program is fed.
 
     `retract_z_mm` is the machine height (not of the work offset) of a safe tool change; without it programs do not
     move there. `decimals` is the most decimals it reads, of inches where `units` are inches; without it any number.
@@ -75,6 +75,7 @@ class Control(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     g28: Literal["iso", "alarm", "ignore"] = "iso"
     backward_jump_alarm: Annotated[int, Meta(ge=1, le=999_999)] = 14000
     knot_rule_verified: dt.date | Literal[False] = False
+    poly_degree: Literal[3, 5] = 3
     resolution_mm: Positive = 0.001
     tool_length_reference: Literal["tip", "centre"] = "tip"
     receive_buffer_bytes: Annotated[int, Meta(ge=16)] = 30720

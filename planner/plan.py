@@ -6,7 +6,7 @@ Nothing here reads a clock but for the planning time, and nothing writes a file.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -75,8 +75,14 @@ def plan_job(
         what = f"{len(patches)} patches in one surface are not built yet"
         raise InputRejected(what, path=job_path.parent / job.part.surface, remedy="plan each patch in its own file")
     begin = time.perf_counter()
-    layout, tool_path = _laid(job, operation, patches[0], job_path)
-    written = write_program(job, operation, tool_path, control, lift_mm=lift_mm)
+    layout = _laid(job, operation, patches[0], job_path)
+    tool_path, written = min(
+        (
+            (path, write_program(job, operation, path, control, lift_mm=lift_mm))
+            for path in _tool_paths(job, operation, layout, control)
+        ),
+        key=lambda made: len(made[1].data),
+    )
     planning_s = time.perf_counter() - begin
     report = plan_report(
         job, operation, tool_path, layout, written, line=line, rapid_mm_min=rapid_mm_min, planning_time_s=planning_s
@@ -91,22 +97,30 @@ def plan_job(
     return Planned(written.data, written.sidecar, tool_path, report, warnings, job, layout)
 
 
-def _laid(job: Job, operation: Operation, patch: NurbsPatch, path: Path) -> tuple[Layout, ToolPath]:
-    """Traced curves of the operation, and the passes made of them in the order they are cut."""
+def _laid(job: Job, operation: Operation, patch: NurbsPatch, path: Path) -> Layout:
+    """Traced curves of the operation."""
     wishes = _wishes(job, operation, patch, path)
     accuracy_mm, reading_mm = 1e-4 * operation.path_mm, 1e-2 * operation.path_mm
     layout = lay_parallel(patch, wishes, accuracy_mm=accuracy_mm, reading_mm=reading_mm)
     _check_clearance(job, layout, path)
-    kind = kind_of(job.post.control, job.post.blocks, operation.fit)
-    passes = shape_passes(layout.curves, kind, operation.path_mm, wishes.radius_mm)
-    tool_path = ToolPath(
-        passes=in_order(passes, operation.pattern),
-        radius_mm=wishes.radius_mm,
-        pick_feeds_mm=np.diff(layout.planes_mm),
-        scallops_mm=layout.peaks.height_mm,
-        scallop_method=Method.SAMPLED,
-    )
-    return layout, tool_path
+    return layout
+
+
+def _tool_paths(job: Job, operation: Operation, layout: Layout, control: ControlLimits) -> Iterator[ToolPath]:
+    """The passes in the order they are cut, in every kind of shape whose program might be the smallest."""
+    kinds = [kind_of(job.post.control, job.post.blocks, operation.fit, control.poly_degree)]
+    if kinds == ["poly"] and job.post.blocks == "auto" and control.knot_rule_verified:
+        kinds.append("free")
+    radius_mm = job.tool_of(operation).radius_mm
+    for kind in kinds:
+        passes = shape_passes(layout.curves, kind, operation.path_mm, radius_mm)
+        yield ToolPath(
+            passes=in_order(passes, operation.pattern),
+            radius_mm=radius_mm,
+            pick_feeds_mm=np.diff(layout.planes_mm),
+            scallops_mm=layout.peaks.height_mm,
+            scallop_method=Method.SAMPLED,
+        )
 
 
 def scallop_target_mm(operation: Operation, radius_mm: float) -> float | None:

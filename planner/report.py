@@ -12,6 +12,7 @@ from planner.feed_limit import feed_limit_mm_min
 from planner.job import Job, Operation
 from planner.path.model import ArcChain, Method, PlaneSpline, Polyline, Shape, ToolPath
 from planner.path.moves import AirMoves, air_moves
+from planner.path.spans import bezier_points, joints_of
 from planner.path.strategy.parallel import Layout
 from planner.post.written import Written
 
@@ -81,7 +82,7 @@ def plan_report(
 def segments(shape: Shape) -> int:
     """Polynomial spans, straight moves or arcs of a shape."""
     if isinstance(shape, PlaneSpline):
-        return int(np.count_nonzero(np.diff(shape.knots) > 0))
+        return len(joints_of(shape)) - 1
     if isinstance(shape, Polyline):
         return len(shape.points) - 1
     assert isinstance(shape, ArcChain)
@@ -133,7 +134,7 @@ def _cutting_counts(starts: list[int], written: Written, extra: int) -> list[int
 def _shares(shape: Shape, count: int) -> Array:
     """How the blocks of a pass share its length: as its segments do, or evenly where they are not one to one."""
     if isinstance(shape, PlaneSpline):
-        runs = np.diff(np.unique(shape.knots))
+        runs = np.hypot(*np.diff(bezier_points([shape]), axis=1).transpose(2, 0, 1)).sum(axis=1)
     else:
         runs = np.hypot(*np.diff(shape.points, axis=0).T)
     if len(runs) != count:

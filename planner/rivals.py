@@ -11,6 +11,7 @@ from planner.errors import InputRejected
 from planner.job import Job, Operation
 from planner.path.model import ToolPath
 from planner.path.moves import in_order
+from planner.path.spline import HEIGHTS_DEGREE
 from planner.path.strategy.parallel import Layout
 from planner.path.trace import TracedCurve
 from planner.post.base import write_program
@@ -19,7 +20,13 @@ from planner.report import segments
 from planner.shapes import Kind, shape_passes
 
 TOLERANCES_MM = (0.010, 0.001, 0.00025, 0.0001)
-KINDS: tuple[tuple[Kind, str], ...] = (("free", "auto"), ("paper", "auto"), ("arcs", "arcs"), ("linear", "linear"))
+KINDS: tuple[tuple[Kind, str], ...] = (
+    ("poly", "poly"),
+    ("free", "auto"),
+    ("paper", "auto"),
+    ("arcs", "arcs"),
+    ("linear", "linear"),
+)
 MOST_PASSES = 4
 
 
@@ -48,6 +55,8 @@ def _measure(
 ) -> dict[str, Any]:
     radius_mm = job.tool_of(operation).radius_mm
     row: dict[str, Any] = {"way": kind, "path_mm": path_mm, "passes": len(curves)}
+    if kind == "poly" and control.poly_degree < HEIGHTS_DEGREE:
+        return row | {"note": f"the control is known to read POLY of degree {control.poly_degree} only"}
     try:
         wanted = msgspec.structs.replace(operation, path_mm=path_mm)
         passes = in_order(shape_passes(curves, kind, path_mm, radius_mm), operation.pattern)

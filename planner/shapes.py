@@ -14,31 +14,35 @@ from planner.path.model import Method, Pass
 from planner.path.polyline import lean_polyline
 from planner.path.slope_range import patch_table
 from planner.path.slope_table import SlopeTable
-from planner.path.spline import fit_passes
+from planner.path.spline import HEIGHTS_DEGREE, fit_leanest, fit_passes
 from planner.path.trace import TracedCurve
 
-Kind = Literal["free", "paper", "arcs", "linear"]
+Kind = Literal["poly", "free", "paper", "arcs", "linear"]
 FIT_SHARE = 0.9  # of path_mm; the rest is left for the digits
 
 
-def kind_of(control: str, blocks: str, fit: Literal["free", "paper"]) -> Kind:
+def kind_of(control: str, blocks: str, fit: Literal["free", "paper"], poly_degree: int) -> Kind:
     """Which shape a control's blocks want; "auto" takes splines where the control reads them, else arcs.
 
-    >>> kind_of("linuxcnc", "auto", "free")
+    >>> kind_of("linuxcnc", "auto", "free", 3)
     'arcs'
+    >>> kind_of("sinumerik-840d", "auto", "free", 5)
+    'poly'
     """
     if blocks == "linear":
         return "linear"
     if blocks == "arcs" or (blocks == "auto" and control in ("linuxcnc", "generic")):
         return "arcs"
+    if fit == "free" and poly_degree >= HEIGHTS_DEGREE and control == "sinumerik-840d" and blocks in ("auto", "poly"):
+        return "poly"
     return fit
 
 
 def shape_passes(curves: Sequence[TracedCurve], kind: Kind, path_mm: float, radius_mm: float) -> list[Pass]:
     """One pass a curve, along +w, bounded within the fit's share of `path_mm`."""
     tolerance_mm = FIT_SHARE * path_mm
-    if kind == "free":
-        fits = fit_passes(curves, tolerance_mm)
+    if kind in ("free", "poly"):
+        fits = (fit_passes if kind == "free" else fit_leanest)(curves, tolerance_mm)
         return [
             Pass(curve.plane, fit.spline, fit.deviation_mm, fit.method, _NONE, curve.length_mm)
             for curve, fit in zip(curves, fits, strict=True)

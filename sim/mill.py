@@ -52,6 +52,7 @@ def settings_of(
     """The control's side of interpreting, as the machine profile has it; radii by tool number, for G41 and G42."""
     return Settings(
         knot_rule=KnotRule(profile.knot_rule),
+        poly_degree=profile.poly_degree,
         g28=G28(profile.g28),
         backward_jump_alarm=profile.backward_jump_alarm,
         has_tool_changer=profile.has_tool_changer,

@@ -38,6 +38,7 @@ class MillProfile:
     xoff: int
     dialect: str
     knot_rule: str
+    poly_degree: int
     g28: str
     backward_jump_alarm: int
     has_tool_changer: bool
@@ -74,6 +75,7 @@ class _Control(msgspec.Struct, frozen=True):
     block_cycle_s: Positive
     lookahead_blocks: Annotated[int, Meta(ge=1, le=1_000_000)]
     knot_rule: Literal["nx", "genua"] = "nx"
+    poly_degree: Literal[3, 5] = 3
     g28: Literal["iso", "alarm", "ignore"] = "iso"
     backward_jump_alarm: Annotated[int, Meta(ge=1, le=999_999)] = 14000
     tool_length_reference: str = "tip"
@@ -114,6 +116,7 @@ def load_mill_profile(path: Path) -> MillProfile:
         xoff=link.xoff,
         dialect=control.dialect,
         knot_rule=control.knot_rule,
+        poly_degree=control.poly_degree,
         g28=control.g28,
         backward_jump_alarm=control.backward_jump_alarm,
         has_tool_changer=control.has_tool_changer,

@@ -1,7 +1,8 @@
 """The fewest spans for each of many neighbouring curves: a few are searched from scratch, the others follow them.
 
-Passes side by side are nearly the same curve, so a pass starts from the knots and the parametrisation of passes
-already fitted on either side. What kind of spline it is, only the fitter knows. The order is fixed by the number of passes alone, so the result is, too.
+Passes side by side are nearly the same curve, so a pass starts from the joints and the parametrisation of passes
+already fitted on either side. What kind of spline it is, only the fitter knows. The order is fixed by the number of
+passes alone, so the result is, too.
 """
 
 from __future__ import annotations

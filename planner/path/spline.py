@@ -13,8 +13,11 @@ from planner.path.height_fitter import HeightFitter
 from planner.path.model import Method, PlaneSpline
 from planner.path.slope_range import patch_table
 from planner.path.span_search import Fitter, SearchEnd, SpanSearch
+from planner.path.spans import joints_of
 
 MOST_SPANS = 400
+HEIGHTS_DEGREE = 5
+FEW_SPANS = 3
 LEAST_LEAN = 0.5  # cosine of the steepest angle at which a pass is written as heights
 AIM = 0.9  # of the tolerance, at the places of the spans; the distance between them comes on top
 
@@ -27,19 +30,27 @@ class FittedSpline:
     deviation_mm: float
     method: Method
 
+    @property
+    def spans(self) -> int:
+        """Number of spans."""
+        return len(joints_of(self.spline)) - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """How the search for one curve ended without a spline, and how far the last one was off."""
+
+    deviation_mm: float
+    spans: int
+    end: SearchEnd
+
 
 def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[FittedSpline]:
     """One cubic B-spline a curve, bounded within the tolerance, ends on the curve's ends; (F5) to (F11).
 
     Raises InputRejected with the pass and the distance reached where the tolerance cannot be kept.
     """
-    fits: list[FittedSpline] = []
-    for row, fit in enumerate(_fit(curves, CubicFitter, tolerance_mm)):
-        if isinstance(fit, Failed):
-            what = f"pass {row + 1} is {1e3 * fit.deviation_mm:.3g} um off at {fit.spans} spans"
-            raise InputRejected(f"{what}: {fit.end.value}", remedy="give a larger path_mm")
-        fits.append(fit)
-    return fits
+    return [_fitted(fit, row) for row, fit in enumerate(_fit(curves, CubicFitter, tolerance_mm))]
 
 
 def fit_heights(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[FittedSpline | None]:
@@ -50,17 +61,32 @@ def fit_heights(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[Fitte
     gentle = [row for row, curve in enumerate(curves) if curve.tangents[:, 0].min() > LEAST_LEAN]
     found: list[FittedSpline | None] = [None] * len(curves)
     for row, fit in zip(gentle, _fit([curves[row] for row in gentle], HeightFitter, tolerance_mm), strict=True):
-        found[row] = None if isinstance(fit, Failed) else fit
+        found[row] = fit if isinstance(fit, FittedSpline) else None
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class Failed:
-    """How the search for one curve ended without a spline, and how far the last one was off."""
+def fit_leanest(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[FittedSpline]:
+    """Of heights and a free cubic the one with fewer spans, heights where they are equal.
 
-    deviation_mm: float
-    spans: int
-    end: SearchEnd
+    Over long passes a cubic takes 1.6 spans and more for one of degree 5, so it is tried where there are few, and where
+    a pass is too steep for heights. Raises InputRejected as `fit_passes` does.
+    """
+    heights = fit_heights(curves, tolerance_mm)
+    tried = [row for row, fit in enumerate(heights) if fit is None or 1 < fit.spans <= FEW_SPANS]
+    cubics = _fit([curves[row] for row in tried], CubicFitter, tolerance_mm)
+    chosen = dict(enumerate(heights))
+    for row, cubic in zip(tried, cubics, strict=True):
+        height = heights[row]
+        if height is None or (isinstance(cubic, FittedSpline) and cubic.spans < height.spans):
+            chosen[row] = _fitted(cubic, row)
+    return [fit for fit in chosen.values() if fit is not None]
+
+
+def _fitted(fit: FittedSpline | Failed, row: int) -> FittedSpline:
+    if isinstance(fit, Failed):
+        what = f"pass {row + 1} is {1e3 * fit.deviation_mm:.3g} um off at {fit.spans} spans"
+        raise InputRejected(f"{what}: {fit.end.value}", remedy="give a larger path_mm")
+    return fit
 
 
 def _fit(

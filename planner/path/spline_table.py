@@ -1,4 +1,4 @@
-"""Many splines of one degree and different sizes in flat arrays: points anywhere on them, and how fast their curvature changes.
+"""Many splines of one degree in flat arrays: points anywhere on them, and how fast their curvature changes.
 
 Places are pairs of a row (which spline) and a parameter. Equations (F3) and (F12) of EQUATIONS-fitting.md.
 """

@@ -58,6 +58,8 @@ def poly_passes(
     `fine` (passes,) are the decimals of the ends of passes and of axes that stand still; `most_decimals` what the
     control reads.
     """
+    if not passes:
+        return []
     chain = _chain_of(passes, drop_z_mm)
     uses = np.tile(np.array([1.0, 1.2, 1.1]), 2)
     least, most = (np.tile(np.minimum(fine + margin, most_decimals)[:, None], 6) for margin in (0, _MOST_MARGIN))

@@ -20,6 +20,7 @@ from planner.path.model import ArcChain, Array, PlaneSpline, Polyline, ToolPath
 from planner.post.arcs import arc_passes
 from planner.post.bspline import bspline_passes
 from planner.post.digits import Digits
+from planner.post.heights import heights_passes, is_heights
 from planner.post.linear import linear_passes
 from planner.post.numbers import decimals_within, plain
 from planner.post.passtext import PassText
@@ -138,11 +139,23 @@ def _texts(job: Job, path_mm: float, tool_path: ToolPath, control: ControlLimits
         )
     if job.post.blocks == "bspline":
         return _bsplines(tool_path, drop_z_mm, budgets_mm, fine, most, control)
-    poly = poly_passes(tool_path.passes, drop_z_mm, budgets_mm, fine, most)
-    if job.post.blocks == "poly" or not control.knot_rule_verified:
+    poly = _polys(tool_path, drop_z_mm, budgets_mm, fine, most)
+    has_heights = any(is_heights(one) for one in tool_path.passes)
+    if job.post.blocks == "poly" or has_heights or not control.knot_rule_verified:
         return poly
     bspline = _bsplines(tool_path, drop_z_mm, budgets_mm, fine, most, control)
     return min(poly, bspline, key=_size_bytes)
+
+
+def _polys(tool_path: ToolPath, drop_z_mm: float, budgets_mm: Array, fine: Digits, most: int) -> list[PassText]:
+    """Every pass in POLY blocks, heights of degree 5 or free cubics."""
+    texts: dict[int, PassText] = {}
+    by_kind = np.array([is_heights(one) for one in tool_path.passes])
+    for kind, write in ((True, heights_passes), (False, poly_passes)):
+        rows = np.flatnonzero(by_kind == kind)
+        written = write([tool_path.passes[row] for row in rows], drop_z_mm, budgets_mm[rows], fine[rows], most)
+        texts.update(zip(rows.tolist(), written, strict=True))
+    return [texts[row] for row in range(len(tool_path.passes))]
 
 
 def _bsplines(

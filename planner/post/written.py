@@ -16,8 +16,9 @@ class ControlLimits:
 
     `decimals` is the most decimals the control reads, None for no limit; `retract_z_mm` the machine (not work) height
     of a safe tool change, None where the program must not move to one; `min_spline_blocks` the least number of
-    successive BSPLINE blocks; `knot_rule_verified` whether somebody proved the knot rule at this control. With
-    `is_inch` the program is in inches, and `decimals` counts those of inches.
+    successive BSPLINE blocks; `knot_rule_verified` whether somebody proved the knot rule at this control;
+    `poly_degree` the highest degree of POLY it is known to read. With `is_inch` the program is in inches, and
+    `decimals` counts those of inches.
     """
 
     resolution_mm: float = 0.001
@@ -25,6 +26,7 @@ class ControlLimits:
     min_spline_blocks: int = 6
     knot_rule: Literal["nx", "genua"] = "nx"
     knot_rule_verified: bool = False
+    poly_degree: int = 3
     retract_z_mm: float | None = None
     has_tool_changer: bool = True
     is_inch: bool = False

@@ -59,7 +59,7 @@ class Mover:
         elif motion in ("G2", "G3", "CIP", "CT"):
             self._arc(motion, target, request)
         elif motion == "POLY":
-            curve = polynomial_motion(target, request, state)
+            curve = polynomial_motion(target, request, state, self._settings.poly_degree)
             if curve is not None:
                 self.path.give(curve)
         elif motion in SPLINE_CODES:

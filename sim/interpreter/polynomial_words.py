@@ -11,8 +11,12 @@ from sim.interpreter.state import INCH_MM, State
 from sim.interpreter.targets import Target, path_feed
 
 
-def polynomial_motion(target: Target, request: Request, state: State) -> canon.Polynomial | None:
-    """The polynomial a block asks for; None where it stays in its start."""
+def polynomial_motion(target: Target, request: Request, state: State, most_degree: int) -> canon.Polynomial | None:
+    """The polynomial a block asks for, of at most this degree; None where it stays in its start."""
+    degree = max((len(values) for values in request.polynomials.values()), default=1)
+    if degree > most_degree:
+        text = f"the polynomial has degree {degree}; this control reads degree {most_degree} at most"
+        raise ControlAlarm(AlarmNumber.POLYNOMIAL, text)
     length = request.take("PL")
     length = 1.0 if length is None else length
     if length <= 0:

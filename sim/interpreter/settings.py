@@ -40,12 +40,14 @@ class Settings:
     Canonical positions are machine positions minus the offset of `reference_offset`, so they are work coordinates
     while that offset is active, and stay continuous when another one is. `work_offsets_mm` gives machine positions of
     the work origins (default zero). `start_mm` is where the machine stands before the first block, in canonical
-    coordinates. `skip_levels` are the levels selected at the panel. `backward_jump_alarm` is what a drip-fed program
-    raises when it jumps back. `is_inch` is the basic system: the unit until a code sets one, and that of feeds under
-    G70 and G71. `max_repeats` bounds every loop: jumps and blocks that run again, added up.
+    coordinates. `poly_degree` is the highest degree of polynomials. `skip_levels` are the levels selected at the panel.
+    `backward_jump_alarm` is what a drip-fed program raises when it jumps back. `is_inch` is the basic system: the unit
+    until a code sets one, and that of feeds under G70 and G71. `max_repeats` bounds every loop: jumps and blocks that
+    run again, added up.
     """
 
     knot_rule: KnotRule = KnotRule.NX
+    poly_degree: int = 5
     g28: G28 = G28.ISO
     skip_levels: frozenset[int] = frozenset()
     is_drip_fed: bool = False

@@ -175,7 +175,7 @@ def test_the_command_writes_program_sidecar_report_and_picture(tmp_path: Path) -
     assert found.exit_code == 0, found.output
     report = json.loads((tmp_path / "r.json").read_text())
     jsonschema.validate(report, json.loads(SCHEMA.read_text()))
-    assert {row["way"] for row in report["rivals"]} == {"free", "paper", "arcs", "linear"}
+    assert {row["way"] for row in report["rivals"]} == {"poly", "free", "paper", "arcs", "linear"}
     assert {row["path_mm"] for row in report["rivals"]} == {0.01, 0.001, 0.00025, 0.0001}
     assert json.loads((tmp_path / "part.mpf.json").read_text())["schema"] == "dripmill.sidecar"
     assert out.stat().st_size == report["bytes"]

@@ -17,7 +17,7 @@ from sim.uart import Uart
 
 AXIS = AxisLimits(-500.0, 500.0, 300.0, 2000.0, 20000.0)
 PROFILE = MillProfile(
-    baud=9600, format="8N1", xon=0x11, xoff=0x13, dialect="sinumerik", knot_rule="nx", g28="iso",
+    baud=9600, format="8N1", xon=0x11, xoff=0x13, dialect="sinumerik", knot_rule="nx", poly_degree=5, g28="iso",
     backward_jump_alarm=14000, has_tool_changer=True, is_inch=False, resolution_mm=0.001,
     tool_length_reference="tip", receive_buffer_bytes=256, xoff_free_bytes=64, xon_fill_bytes=64, block_cycle_s=0.004,
     lookahead_blocks=4, axes=(AXIS, AXIS, AXIS),

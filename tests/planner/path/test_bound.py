@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline, make_lsq_spline
 
 from planner.path.bound import certify, certify_all
 from planner.path.curve import ExactCurve
 from planner.path.model import DrivingPlane, Method, PlaneSpline
 from planner.path.offset import OffsetSurface
-from planner.path.plane_spline import evaluate, rounded
+from planner.path.plane_spline import rounded
 from planner.path.seeds import sow
 from planner.path.slope_table import slope_table
-from planner.path.spline import fit_passes
+from planner.path.spline import FittedSpline, fit_heights, fit_passes
 from planner.path.spline_table import SplineTable
 from planner.path.strategy.parallel import Wishes, lay_parallel
 from planner.path.trace import TracedCurve, trace
@@ -21,6 +24,7 @@ from tests.planner.path.curves import random_graph
 from tests.planner.path.distances import farthest_mm
 from tests.planner.surfaces import cylinder_patch, sphere_patch, thesis_patch, wavy_patch
 
+Fit = Callable[[Sequence[ExactCurve], float], Sequence[FittedSpline | None]]
 HEIGHTS = {
     "bowl": lambda x, y: 0.004 * (x - 25) ** 2 + 0.002 * (y - 25) ** 2,
     "wave": lambda x, y: 1.5 * np.sin(x / 9) * np.cos(y / 11),
@@ -48,16 +52,19 @@ def passes_over(patch: NurbsPatch, planes_mm: list[float]) -> list[TracedCurve]:
 
 def dense_distance_mm(curve: ExactCurve, spline: PlaneSpline, places: int = 4001) -> float:
     """The largest distance between dense points of either and a dense polyline of the other."""
-    on_spline = evaluate(spline, np.linspace(spline.knots[0], spline.knots[-1], places))[0]
+    at = np.linspace(spline.knots[0], spline.knots[-1], places)
+    on_spline = BSpline(spline.knots, spline.control_points, spline.degree)(at)
     exact = curve.refine(np.linspace(curve.arc_mm[0], curve.arc_mm[-1], places)).points
     return max(farthest_mm(exact[::20], on_spline), farthest_mm(on_spline[::20], exact))
 
 
+@pytest.mark.parametrize("fit", [fit_passes, fit_heights])
 @pytest.mark.parametrize("name", HEIGHTS)
-def test_proved_bound_is_close_to_the_true_maximum(name: str) -> None:
+def test_proved_bound_is_close_to_the_true_maximum(name: str, fit: Fit) -> None:
     """(4.3) On six surfaces the bound is proved, not below the true distance and at most 1.5 times it."""
     curves = passes_over(patch_over(HEIGHTS[name]), [8.0, 21.3, 40.0])
-    for curve, fitted in zip(curves, fit_passes(curves, 0.001), strict=True):
+    for curve, fitted in zip(curves, fit(curves, 0.001), strict=True):
+        assert fitted is not None
         true_mm = dense_distance_mm(curve, fitted.spline)
         assert fitted.method is Method.PROVED
         assert fitted.deviation_mm <= 0.001
@@ -90,6 +97,19 @@ def test_one_control_point_moved_breaks_it(name: str) -> None:
         # An inner point moves the curve by 4/9 of its own move: 0.89 um, too little alone where the fit is exact.
         is_exact = fitted.deviation_mm < 1e-4 and 0 < index < len(fitted.spline.control_points) - 1
         assert max(bounds_mm) > (0.00085 if is_exact else 0.001), index
+
+
+@pytest.mark.parametrize("name", HEIGHTS)
+def test_one_height_moved_breaks_it(name: str) -> None:
+    """(4.3) The height of any one joint, which is what a block writes, moved by twice the tolerance: the same."""
+    (curve,) = passes_over(patch_over(HEIGHTS[name]), [21.3])
+    (fitted,) = fit_heights([curve], 0.001)
+    assert fitted is not None
+    for joint in range(fitted.spans + 1):
+        for move_mm in (0.002, -0.002):
+            moved = fitted.spline.control_points.copy()
+            moved[3 * joint : 3 * joint + 3, 1] += move_mm
+            assert certify(curve, PlaneSpline(5, fitted.spline.knots, moved))[0] > 0.001, joint
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 28.0, 90.0])
@@ -143,6 +163,20 @@ def bound_of_random_curves(seeds: range) -> None:
         spline = PlaneSpline(3, knots, points)
         bound_mm, _ = certify(curve, spline)
         assert dense_distance_mm(curve, spline, 1001) <= bound_mm + 2e-5, seed
+        heights = heights_near(curve, rng, spans)
+        bound_mm, _ = certify(curve, heights)
+        assert dense_distance_mm(curve, heights, 1001) <= bound_mm + 2e-5, seed
+
+
+def heights_near(curve: ExactCurve, rng: np.random.Generator, spans: int) -> PlaneSpline:
+    """A spline of degree 5 with triple knots whose heights at its Greville places are off the curve at random."""
+    begin, end = curve.points[0, 0], curve.points[-1, 0]
+    joints = np.linspace(begin, end, spans + 1)
+    knots = np.concatenate([np.repeat(begin, 6), np.repeat(joints[1:-1], 3), np.repeat(end, 6)])
+    places = np.array([knots[i + 1 : i + 6].mean() for i in range(len(knots) - 6)])
+    z = make_lsq_spline(curve.points[:, 0], curve.points[:, 1], knots, 5).c
+    off = rng.normal(size=len(z)) * 10.0 ** rng.uniform(-5, -3)
+    return PlaneSpline(5, knots, np.stack([places, z + off], axis=1))
 
 
 def test_random_curves_never_exceed_the_bound() -> None:

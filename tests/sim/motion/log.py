@@ -29,6 +29,7 @@ def mill(
         xoff=19,
         dialect="sinumerik",
         knot_rule="nx",
+        poly_degree=5,
         g28="iso",
         backward_jump_alarm=14000,
         has_tool_changer=True,
