@@ -28,8 +28,9 @@ from planner.surface.load import load_surface
 
 R_MM = 4.0
 WAYS: tuple[tuple[str, Kind | None, str], ...] = (
-    ("B-spline, BSPLINE", "free", "bspline"),
-    ("B-spline, POLY", "free", "poly"),
+    ("degree 5, POLY", "poly", "poly"),
+    ("cubics, BSPLINE", "free", "bspline"),
+    ("cubics, POLY", "free", "poly"),
     ("arcs", "arcs", "arcs"),
     ("G1, vertices off the curve", "linear", "linear"),
     ("G1, vertices on the curve", None, "linear"),
