@@ -7,6 +7,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from dnc.events import LinkState
 from dnc.locks import LOCK_FOLDER, flock_holder, lock_name, process_words
 
 _STABLE = ("by-id", "by-path")
@@ -23,6 +24,11 @@ class FoundPort:
     vendor_product: str | None
     is_allowed: bool
     in_use_by: str | None
+
+    @property
+    def link(self) -> LinkState:
+        """LOCKED while a program has it, otherwise CLOSED: an open one is the business of its own job."""
+        return LinkState.CLOSED if self.in_use_by is None else LinkState.LOCKED
 
 
 def find_ports(root: Path = Path("/")) -> list[FoundPort]:

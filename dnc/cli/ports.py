@@ -20,7 +20,7 @@ def command(as_json: bool) -> None:
 
     found = find_ports()
     if as_json:
-        rows = [dataclasses.asdict(port) for port in found]
+        rows = [{**dataclasses.asdict(port), "link": port.link.value} for port in found]
         click.echo(json.dumps({"schema": "dripmill.ports", "version": 1, "ports": rows}, indent=1))
         return
     if not found:

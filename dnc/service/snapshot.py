@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from dnc.eventlog import EventLog
-from dnc.events import JobState
+from dnc.events import JobState, LinkState
+from dnc.handshake import Cause
 from dnc.names import JobNames
 from dnc.port import Port
 from dnc.profile import MachineProfile
@@ -45,7 +46,7 @@ class JobView:
             "state": sender.state.value,
             "cause": sender.last_cause.value,
             "is_pausing": sender.is_pausing,
-            "link": "LOST" if sender.last_cause.name == "LOST" else "OPEN",
+            "link": (LinkState.LOST if sender.last_cause is Cause.LOST else LinkState.OPEN).value,
             "program": self.names.program,
             "machine": self.names.machine,
             "sha256": tape.sha256,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import pty
@@ -14,7 +15,7 @@ from click.testing import CliRunner
 
 from dnc.cli.main import program
 from dnc.doctor import Finding, examine, probe_loopback
-from dnc.events import JobState
+from dnc.events import JobState, LinkState
 from dnc.joblist import first_broken_link, past_jobs
 from dnc.journal import Journal
 from dnc.port import SerialPort
@@ -76,6 +77,18 @@ def test_ports_with_their_lasting_names(tmp_path: Path) -> None:
     assert port.vendor_product == "0403:6001"
     assert port.by_id is not None
     assert port.by_id.endswith("usb-FTDI_A1B2-if00-port0")
+    assert port.link is LinkState.CLOSED
+
+
+def test_a_port_in_use_is_locked(tmp_path: Path) -> None:
+    """(5.5)"""
+    root = computer(tmp_path)
+    with (root / "dev/ttyUSB0").open() as device:
+        fcntl.flock(device, fcntl.LOCK_EX)
+        (port,) = find_ports(root)
+    assert port.link is LinkState.LOCKED
+    assert port.in_use_by is not None
+    assert str(os.getpid()) in port.in_use_by
 
 
 @pytest.mark.parametrize(
