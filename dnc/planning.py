@@ -50,11 +50,15 @@ def line_of(profile: MachineProfile) -> tuple[int, float]:
 
 
 def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
-    """Raises InputRejected where a file to be written is also read, or is written twice."""
+    """Raises InputRejected where a file to be written is also read, is written twice, or lies in no folder."""
     read, written = {path.resolve() for path in inputs}, set[Path]()
     for path in outputs:
         if path.resolve() in read:
             raise InputRejected("is read by this command and would be lost", path=path, remedy="name another file")
+        if not path.parent.is_dir():
+            raise InputRejected(
+                "its folder does not exist", path=path, remedy="create the folder, or name another file"
+            )
         if path.resolve() in written:
             raise InputRejected("would be written twice", path=path, remedy="give every output a name of its own")
         written.add(path.resolve())

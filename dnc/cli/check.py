@@ -35,7 +35,9 @@ def command(
     limits = _limits(machine, job, baud)
     if sheet is not None:
         from dnc.check.sheet import SheetWatch
+        from dnc.planning import check_outputs
 
+        check_outputs([sheet], [program, *([] if job is None else [job])])
         watch = SheetWatch(limits)
     size_bytes = program.stat().st_size if program.is_file() else 0
     with click.progressbar(

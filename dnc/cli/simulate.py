@@ -45,7 +45,7 @@ def command(
     import json
 
     from dnc.errors import ExitCode, InputRejected
-    from dnc.planning import read_program
+    from dnc.planning import check_outputs, read_program, write_file
     from dnc.profile import profile_path
     from planner.job import load_job
     from sim.mill import rehearse
@@ -54,6 +54,8 @@ def command(
 
     if job is None and (plot or deviation_map or view):
         raise InputRejected("--plot, --map and --view need the design", remedy="name the job file with --job")
+    outputs = (motion, report, plot, deviation_map, view)
+    check_outputs([path for path in outputs if path is not None], [program, *([] if job is None else [job])])
     if plot is not None:
         from sim.plot import require_drawing
 
@@ -69,9 +71,9 @@ def command(
     verdict = _verdict(nominal, recording, pitch) if nominal is not None else None
     made = _report(program, data, machine, recording, verdict)
     if motion is not None:
-        _write(motion, _motion_csv(recording, nominal))
+        write_file(motion, _motion_csv(recording, nominal).encode())
     if report is not None:
-        _write(report, json.dumps(made, indent=1) + "\n")
+        write_file(report, (json.dumps(made, indent=1) + "\n").encode())
     if verdict is not None:
         _draw(verdict, plot, deviation_map)
     if view is not None and verdict is not None:
@@ -154,17 +156,6 @@ def _motion_csv(recording: Recording, nominal: Nominal | None) -> str:
         for t, (x, y, z), feed, line, block in rows
     ]
     return "\n".join(["t_s,x_mm,y_mm,z_mm,feed_mm_min,line,block", *lines]) + "\n"
-
-
-def _write(path: Path, text: str) -> None:
-    from dnc.errors import InputRejected
-
-    unfinished = path.with_name(path.name + ".tmp")
-    try:
-        unfinished.write_text(text)
-        unfinished.replace(path)
-    except OSError as problem:
-        raise InputRejected(f"cannot be written: {problem.strerror}", path=path, remedy="name another file") from None
 
 
 def _text(made: dict[str, Any]) -> str:

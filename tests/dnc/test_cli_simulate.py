@@ -103,3 +103,22 @@ def test_a_picture_needs_the_design(tmp_path: Path, capsys: pytest.CaptureFixtur
     """(2.7) --plot without --job is refused before anything is simulated."""
     assert run_with(["simulate", str(tmp_path / "part.mpf"), "--plot", "map.png"]) == 3
     assert "--job" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["simulate", "part.mpf", "--report", "part.mpf"], "part.mpf: is read by this command and would be lost"),
+        (["simulate", "part.mpf", "--motion", "a.csv", "--report", "a.csv"], "a.csv: would be written twice"),
+        (["check", "part.mpf", "--sheet", "none/sheet.html"], "none/sheet.html: its folder does not exist"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    """(2.7) A report that turns out unwritable after an hour of cutting is lost work; one over the program is worse."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "part.mpf").write_bytes(PROGRAM)
+    assert run_with(words) == 3
+    assert said in capsys.readouterr().err
+    assert (tmp_path / "part.mpf").read_bytes() == PROGRAM
