@@ -153,13 +153,15 @@ def _block_number(reader: TokenReader) -> tuple[int | None, bool]:
 
 
 def _label(reader: TokenReader) -> str | None:
-    name = reader.token
-    colon = reader.ahead(1)
-    if name.kind == "name" and len(name.text) > 1 and colon.kind == "operator" and colon.text == ":":
-        reader.take()
-        reader.take()
-        return name.text
-    return None
+    """A name before a colon; a letter with digits is one there too."""
+    digits = reader.ahead(1)
+    is_split = len(reader.token.text) == 1 and digits.text.isdigit() and digits.is_adjacent
+    colon = reader.ahead(2 if is_split else 1)
+    if reader.token.kind != "name" or colon.kind != "operator" or colon.text != ":":
+        return None
+    label = reader.name("a label")
+    reader.require(":")
+    return label
 
 
 def _iso_block(text: str, line: int) -> Block:

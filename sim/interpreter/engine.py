@@ -62,6 +62,21 @@ class Interpreter:
         return self._state
 
     @property
+    def variables(self) -> Variables:
+        """R parameters and variables of the moment."""
+        return self._variables
+
+    @property
+    def is_in_structure(self) -> bool:
+        """Whether an IF or a loop of the main program is open, or a jump looks for its target."""
+        return bool(self._main.opened or self._main.sections) or self._main.search is not None
+
+    def go_on_from(self, other: Interpreter) -> None:
+        """Take over the variables and the open structures that another interpreter left."""
+        self._variables.r, self._variables.globals = other._variables.r, other._variables.globals
+        self._main.opened = other._main.opened
+
+    @property
     def next_line(self) -> int | None:
         """Index of the main program's next line, or None after the end."""
         return None if self._state.is_ended else self._main.at
@@ -117,7 +132,7 @@ class Interpreter:
         """The commands that waited for more blocks; call it when no more will come."""
         given: list[canon.Command] = []
         while not self._state.is_ended and (search := self._main.search) is not None:
-            self._line, self._number = self._main.source.line(search.origin - 1), None
+            self._line, self._number = search.line, None
             if self._guarded(lambda: self._flow.unresolved(self._main)):
                 given += self.advance()
         if not self._state.is_ended and self._guarded(self._complete):
@@ -126,7 +141,7 @@ class Interpreter:
 
     def _complete(self) -> None:
         if self._main.opened:
-            self._line, self._number = self._main.source.line(self._main.opened[-1].index), None
+            self._line, self._number = self._main.opened[-1].line, None
         self._flow.require_closed(self._main)
         self._executor.finish()
 

@@ -135,7 +135,7 @@ class Flow:
             self._go_back(level, found)
             return
         self.count_repeat()
-        level.search = Search("label", target, jump, index + 1)
+        level.search = Search("label", target, jump, index + 1, level.source.line(index))
 
     def _target(self, target: Expression) -> str:
         if isinstance(target, Name) and target.indices is None:
@@ -185,10 +185,11 @@ class Flow:
                 first = as_number(evaluate(statement.first, self._variables))
                 kind, enters = "FOR", self._set_counter(statement, first)
         if enters:
-            level.opened.append(Opened(kind, index, statement))
+            level.opened.append(Opened(kind, index, statement, level.source.line(index)))
         else:
             level.depth = 0
-            level.search = Search("else" if kind == "IF" else kind, origin=index + 1)
+            kind = "else" if kind == "IF" else kind
+            level.search = Search(kind, origin=index + 1, line=level.source.line(index))
 
     def _set_counter(self, statement: For, value: float) -> bool:
         indices = tuple(evaluate(one, self._variables) for one in statement.index or ())
@@ -197,12 +198,12 @@ class Flow:
 
     def _mark(self, level: Level, index: int, marker: Marker) -> None:
         if marker in (Marker.LOOP, Marker.REPEAT):
-            level.opened.append(Opened(marker.value, index, Mark(marker)))
+            level.opened.append(Opened(marker.value, index, Mark(marker), level.source.line(index)))
         elif marker is Marker.ELSE:
             if self._close(level, "IF", "ELSE").statement == Mark(Marker.ELSE):
                 raise second_else()
             level.depth = 0
-            level.search = Search("IF", origin=index + 1)
+            level.search = Search("IF", origin=index + 1, line=level.source.line(index))
         else:
             self._end(level, CLOSES[marker], marker.value)
 

@@ -14,11 +14,12 @@ from sim.interpreter.structures import closes, opens, second_else
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """A structure whose end has not come: what, and the index of its first block."""
+    """A structure whose end has not come: what, and index and line of its first block."""
 
     kind: str
     index: int
     statement: Statement
+    line: int
 
 
 @dataclass(slots=True)
@@ -36,13 +37,14 @@ class Search:
     """Blocks are passed over until the label (or block number) comes, or the branch ends.
 
     `kind` is "label", "else" (ELSE or the end counts) or the structure whose end is looked for; `jump` is the jump of
-    a search for a label and `origin` the index after the block that began the search.
+    a search for a label, `origin` the index after the block that began the search and `line` that block's line.
     """
 
     kind: str
     target: str = ""
     jump: Jump | None = None
     origin: int = 0
+    line: int = 0
 
 
 @dataclass(slots=True)
@@ -67,7 +69,7 @@ def keep_track(level: Level, index: int, statement: Statement | None) -> None:
     """A jump forward may leave structures: their ends, passed over, close them."""
     opened, closed = opens(statement), closes(statement)
     if opened is not None and statement is not None:
-        level.opened.append(Opened(opened, index, statement))
+        level.opened.append(Opened(opened, index, statement, level.source.line(index)))
     elif closed is not None and level.opened and level.opened[-1].kind == closed:
         level.opened.pop()
 
@@ -85,4 +87,4 @@ def skip(level: Level, index: int, statement: Statement | None, kind: str) -> No
         if kind == "IF":
             raise second_else()
         level.search = None
-        level.opened.append(Opened("IF", index, Mark(Marker.ELSE)))
+        level.opened.append(Opened("IF", index, Mark(Marker.ELSE), level.source.line(index)))

@@ -34,7 +34,7 @@ class Mover:
         if code is not None and code != state.motion:
             state.motion = code
             state.spline_degree = 3
-            self._announced_degree(request)
+        self._announced_degree(request)
         if one_shot is not None:
             self._special(one_shot, request)
         elif request.is_geometry:
@@ -42,12 +42,14 @@ class Mover:
             self._by_code(request)
 
     def _announced_degree(self, request: Request) -> None:
-        """BSPLINE SD=2 in a block without points holds for the points that follow."""
+        """SD=2 in a block without points holds for the points that follow."""
         if request.is_geometry or "SD" not in request.numbers:
             return
         degree = request.take("SD")
         if self._state.motion != "BSPLINE" or degree not in (2.0, 3.0):
             raise ControlAlarm(AlarmNumber.SPLINE, f"SD={degree:g} is no degree here; BSPLINE takes 2 or 3")
+        if self.path.is_waiting and degree != self._state.spline_degree:
+            raise ControlAlarm(AlarmNumber.SPLINE, "SD changes inside a BSPLINE; another motion code first is expected")
         self._state.spline_degree = int(degree)
 
     def _by_code(self, request: Request) -> None:

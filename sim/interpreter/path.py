@@ -75,7 +75,7 @@ class Path:
         weight = 1.0 if weight is None else weight
         slot = self._outlet.reserve()
         state.position_mm = place
-        spline.add(SplinePoint(block.line, block.number, place, feed, interval, weight, slot))
+        spline.add(SplinePoint(block.line, block.number, place, feed, interval, weight, state.spline_end, slot))
 
     def _beside_contour(self, motion: canon.Motion) -> None:
         """Straight out, or by the compensated contour that G41 or G42 has begun."""
@@ -126,7 +126,7 @@ class Path:
         if code == "BSPLINE":
             return BSplineBuilder(state.position_mm, state.spline_degree, self._settings.knot_rule)
         builder = AkimaBuilder if code == "ASPLINE" else CubicBuilder
-        return builder(state.position_mm, state.spline_start, state.spline_end, state.tangent)
+        return builder(state.position_mm, state.spline_start, state.tangent)
 
     def _of_degree(self, spline: SplineBuilder, request: Request) -> SplineBuilder:
         """SD before or in the first block of a B-spline; it cannot change inside."""

@@ -19,6 +19,7 @@ from sim.interpreter.vocabulary import (
     IGNORED_CODES,
     IGNORED_M,
     REFUSED_CODES,
+    refusal_of,
 )
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
@@ -233,7 +234,9 @@ def _add_call(word: Word, request: Request) -> None:
     is_call = word.value is None and (word.address in ACTED_ADDRESSES or len(word.address) > 1)
     if not is_call:
         text = f"the address {word.address} is not known; an address of the control's list is expected"
-        raise ControlAlarm(AlarmNumber.NAME_UNKNOWN, text)
+        if word.address == "N":
+            text = "N stands inside the block; the block number is expected at its head"
+        raise ControlAlarm(AlarmNumber.NAME_UNKNOWN, refusal_of(word.address) or text)
     request.calls.append(word)
 
 

@@ -21,7 +21,7 @@ _C2_REACH = 64
 
 @dataclass(frozen=True, slots=True)
 class SplinePoint:
-    """One programmed point: its block, canonical place, feed, PL and PW, and its place in the order of commands."""
+    """One programmed point: its block, canonical place, feed, PL and PW, the end condition in force, and its slot."""
 
     line: int
     block: int | None
@@ -29,6 +29,7 @@ class SplinePoint:
     feed: PathFeed
     interval: float | None
     weight: float
+    end_code: str
     slot: Slot
 
 
@@ -71,12 +72,9 @@ class SplineBuilder(ABC):
 class ThroughPointsBuilder(SplineBuilder):
     """What ASPLINE and CSPLINE share: points joined by cubics whose parameter is the chord length."""
 
-    def __init__(
-        self, code: str, start: Vector, start_condition: str, end_condition: str, tangent: Vector | None
-    ) -> None:
+    def __init__(self, code: str, start: Vector, start_condition: str, tangent: Vector | None) -> None:
         super().__init__(code, start)
         self.start_condition: Vector | str = _condition(start_condition[1:], tangent)
-        self.end_code = end_condition
         self._places = [start]
         self._points: list[SplinePoint] = []
         self._slopes: list[Vector] = []
@@ -111,8 +109,8 @@ class ThroughPointsBuilder(SplineBuilder):
 class AkimaBuilder(ThroughPointsBuilder):
     """ASPLINE: the derivative at a point depends on two points on either side."""
 
-    def __init__(self, start: Vector, start_condition: str, end_condition: str, tangent: Vector | None) -> None:
-        super().__init__("ASPLINE", start, start_condition, end_condition, tangent)
+    def __init__(self, start: Vector, start_condition: str, tangent: Vector | None) -> None:
+        super().__init__("ASPLINE", start, start_condition, tangent)
         self._before: tuple[Vector, Vector] | None = None
         self._leaving: Vector | None = None
 
@@ -156,7 +154,7 @@ class AkimaBuilder(ThroughPointsBuilder):
         behind = slopes[-2] if len(slopes) > 1 else (self._before or (slopes[0], slopes[0]))[1]
         ghost = mirrored(slopes[-1], behind)
         beyond = [*slopes[1:], ghost, mirrored(ghost, slopes[-1])]
-        condition = _condition(self.end_code[1:], tangent)
+        condition = _condition(self._points[-1].end_code[1:], tangent)
         while len(self._slopes) > 1:
             self._next(beyond[0], beyond[1])
             beyond.pop(0)
@@ -178,8 +176,8 @@ class AkimaBuilder(ThroughPointsBuilder):
 class CubicBuilder(ThroughPointsBuilder):
     """CSPLINE: the C2 cubic; solved over a window long enough that what lies beyond it does not count."""
 
-    def __init__(self, start: Vector, start_condition: str, end_condition: str, tangent: Vector | None) -> None:
-        super().__init__("CSPLINE", start, start_condition, end_condition, tangent)
+    def __init__(self, start: Vector, start_condition: str, tangent: Vector | None) -> None:
+        super().__init__("CSPLINE", start, start_condition, tangent)
 
     def _grow(self) -> None:
         if len(self._slopes) < 3 * _C2_REACH:
@@ -194,7 +192,7 @@ class CubicBuilder(ThroughPointsBuilder):
         """Solve what is left with the end condition."""
         if not self._slopes:
             return
-        condition = _condition(self.end_code[1:], tangent)
+        condition = _condition(self._points[-1].end_code[1:], tangent)
         tangents = c2_tangents(self._slopes, self._chords, self.start_condition, condition)
         for index in range(len(self._slopes)):
             self._span(index, tangents[index], tangents[index + 1])

@@ -16,7 +16,7 @@ from sim.interpreter.settings import Settings
 from sim.interpreter.source import Whole
 from sim.interpreter.state import State
 from sim.interpreter.values import Value, Variables, evaluate
-from sim.interpreter.vocabulary import ACTED_ADDRESSES, ACTED_CODES, IGNORED_ADDRESSES
+from sim.interpreter.vocabulary import ACTED_ADDRESSES, ACTED_CODES, IGNORED_ADDRESSES, refusal_of
 
 _BY_TEXT = ("EXTCALL", "CALL")
 _SAVED = (
@@ -110,6 +110,9 @@ class Subprograms:
         if word.address in _BY_TEXT or (word.address[0] == "L" and word.address[1:].isdigit()):
             text = f"the subprogram {name} is not in the folder; a program of the folder is expected"
             return ControlAlarm(AlarmNumber.NO_PROGRAM, text, word.column)
+        refusal = refusal_of(name)
+        if refusal is not None:
+            return ControlAlarm(AlarmNumber.NAME_UNKNOWN, refusal, word.column)
         known = [*ACTED_CODES, *ACTED_ADDRESSES, *IGNORED_ADDRESSES, *self._library.names]
         near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.6)
         meant = f"{near[0]} may be meant" if near else "a word of its list is expected"

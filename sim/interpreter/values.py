@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from planner.gcode import Binary, Call, Expression, Name, Number, Text, Unary
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
+from sim.interpreter.vocabulary import refusal_of
 
 Value = float | str
 AXIS_NAMES = frozenset({"X", "Y", "Z", "X1", "Y1", "Z1"})
@@ -266,6 +267,5 @@ def _function(name: str, arguments: list[Value | None]) -> float:
         raise ControlAlarm(AlarmNumber.ARITHMETIC, f"{name}({numbers[0]:g}) is not defined") from None
     if name in FUNCTIONS:
         raise ControlAlarm(AlarmNumber.PARAMETERS, f"{name} has {len(numbers)} arguments; another count is expected")
-    raise ControlAlarm(
-        AlarmNumber.NAME_UNKNOWN, f"the function {name} is not known; a function such as SIN is expected"
-    )
+    text = f"the function {name} is not known; a function such as SIN is expected"
+    raise ControlAlarm(AlarmNumber.NAME_UNKNOWN, refusal_of(name) or text)

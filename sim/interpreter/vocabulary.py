@@ -113,3 +113,29 @@ IGNORED_ADDRESSES: dict[str, str] = {
     "DISPLOF": "nothing is displayed",
     "DISPLON": "nothing is displayed",
 }
+_CYCLES = "CYCLE800 CYCLE801 POCKET1 POCKET2 POCKET3 POCKET4 SLOT1 SLOT2 LONGHOLE HOLES1 HOLES2"
+REFUSED_WORDS: dict[str, str] = {
+    **dict.fromkeys("ABCUVW", "a further axis"),
+    "FPO": "a feed polynomial",
+    "RND": "rounding between contour blocks",
+    "RNDM": "rounding between contour blocks",
+    "CHF": "a chamfer between contour blocks",
+    "CHR": "a chamfer between contour blocks",
+    "ANG": "a contour by angles",
+    "AP": "polar coordinates",
+    "RP": "polar coordinates",
+    "LIMS": "constant cutting speed",
+    "TRAORI": "a transformation",
+    "TRANSMIT": "a transformation",
+    "TRACYL": "a transformation",
+    "TRAFOOF": "a transformation",
+    "MCALL": "a modal call",
+    **dict.fromkeys([*(f"CYCLE{number}" for number in range(71, 90)), *_CYCLES.split()], "a machining cycle"),
+}
+"""Addresses, functions and calls of the language that are refused by name."""
+
+
+def refusal_of(word: str) -> str | None:
+    """Why a word of the language is refused, as a sentence, or None where it is not."""
+    reason = REFUSED_WORDS.get(word)
+    return None if reason is None else f"{word} ({reason}) is not available on this control; leave it out"

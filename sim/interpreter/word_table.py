@@ -20,6 +20,7 @@ from sim.interpreter.vocabulary import (
     IGNORED_CODES,
     IGNORED_M,
     REFUSED_CODES,
+    REFUSED_WORDS,
 )
 
 STATEMENTS = (
@@ -75,6 +76,9 @@ def rows() -> Iterator[tuple[str, str, str, str]]:
     yield _together(STATEMENTS.split()), "acted on", "every loop bounded; drip-fed, going back is an alarm", "test_flow"
     yield _together(sorted(FUNCTIONS)), "acted on", "functions, angles in degrees", "test_flow"
     yield _together(list(SYSTEM_VARIABLES)), "acted on", "system variables, read only", "test_flow"
+    for reason in dict.fromkeys(REFUSED_WORDS.values()):
+        words = [word for word, its in REFUSED_WORDS.items() if its == reason]
+        yield _together(words), "alarm", reason, "test_vocabulary"
     yield "any other word", "alarm", "line, column, and what may be meant", "bad/*"
 
 

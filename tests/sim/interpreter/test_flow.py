@@ -144,6 +144,11 @@ def test_jumps() -> None:
     assert ends("R1=7\nCASE R1 OF 1 GOTOF AA DEFAULT GOTOF CC\nAA: G0 X1\nCC: G0 X3") == [3]
 
 
+def test_a_label_may_be_a_letter_with_digits() -> None:
+    """(6.4)"""
+    assert ends("G0 X1\nGOTOF C13\nX2\nN40 C13: X3") == [1, 3]
+
+
 def test_repeated_sections() -> None:
     """(6.4)"""
     assert ends("R1=0\nAA: R1=R1+1\nG0 X=R1\nREPEAT AA P=2\nG0 X9") == [1, 2, 3, 9]

@@ -269,6 +269,30 @@ def test_aspline_end_conditions(head: str, is_tangent: bool, count: int) -> None
             assert second == pytest.approx([0, 0, 0], abs=1e-9)
 
 
+def run_all(text: str) -> list[canon.Command]:
+    return list(interpret(text.encode(), Settings(start_mm=(0.0, 0.0, 0.0))))
+
+
+def test_the_degree_may_be_said_again_but_not_changed() -> None:
+    """(6.3) SD in a block of its own, before the points or between them."""
+    points = "X10 Y5\nX20\nX30 Y0\nX40 Y5\n"
+    once = run_all(f"G1 X0 F100\nBSPLINE SD=2\n{points}G1 X50")
+    again = run_all(f"G1 X0 F100\nBSPLINE\nSD=2\n{points}BSPLINE SD=2\nG1 X50")
+    assert [one.end for one in once] == [one.end for one in again]
+    changed = run_all(f"G1 X0 F100\nBSPLINE SD=2\n{points}SD=3\nX60")
+    assert isinstance(changed[-1], canon.Alarm)
+    assert "SD changes inside" in changed[-1].text
+
+
+@pytest.mark.parametrize("code", ["ASPLINE", "CSPLINE"])
+def test_the_end_condition_is_that_of_the_last_point(code: str) -> None:
+    """(6.3) It may come with any block of the spline."""
+    first = run_all(f"G1 X0 F100\n{code} ENAT X10 Y5\nX20\nX30 Y9\nG1 X30 Y20")
+    last = run_all(f"G1 X0 F100\n{code} X10 Y5\nX20\nENAT X30 Y9\nG1 X30 Y20")
+    tangent = run_all(f"G1 X0 F100\n{code} X10 Y5\nX20\nX30 Y9\nG1 X30 Y20")
+    assert first == last != tangent
+
+
 def test_words_between_spline_blocks_keep_their_place() -> None:
     """(6.3)"""
     text = WORKED.replace("N130", "N125 M8\nN130")

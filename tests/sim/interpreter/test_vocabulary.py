@@ -19,6 +19,7 @@ from sim.interpreter.vocabulary import (
     IGNORED_CODES,
     IGNORED_M,
     REFUSED_CODES,
+    REFUSED_WORDS,
 )
 from sim.interpreter.word_table import table, table_without_effect
 
@@ -148,6 +149,24 @@ def test_addresses_without_effect(word: str) -> None:
         word if word in calls else f"{word}(1,X,Y)" if word in ("SPLINEPATH", "POLYPATH", "CYCLE832") else f"{word}=1"
     )
     assert after(text) == []
+
+
+@pytest.mark.parametrize("word", sorted(REFUSED_WORDS))
+def test_words_refused_by_name(word: str) -> None:
+    """(6.5) As an address, as a function, as a call, whichever the language knows: an alarm that says what it is."""
+    is_call = REFUSED_WORDS[word] in ("a transformation", "a modal call", "a machining cycle")
+    text = word if is_call else "F=FPO(100,200)" if word == "FPO" else f"{word}=1"
+    (found,) = after(f"N7 {text}")
+    assert isinstance(found, canon.Alarm)
+    assert (found.number, found.block, found.column) == (12550, 7, 4)
+    assert f"{word} ({REFUSED_WORDS[word]})" in found.text
+
+
+def test_a_number_inside_a_block_is_told() -> None:
+    """(6.1)"""
+    (found,) = after("G1 N7 X5")
+    assert isinstance(found, canon.Alarm)
+    assert "expected at its head" in found.text
 
 
 def test_what_a_block_does_not_use_is_an_alarm() -> None:
