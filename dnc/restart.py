@@ -66,12 +66,14 @@ class RestartPoint:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """A block and the state before it."""
+    """A block and what stands before it: the state, R parameters by number, and why no restart can begin here."""
 
     line: int
     number: int | None
     offset_bytes: int
     state: State
+    parameters: dict[int, float]
+    obstacle: str | None
 
 
 def restart_at_number(data: bytes, number: int, heights: Heights, settings: Settings | None = None) -> RestartPoint:
@@ -98,14 +100,15 @@ def clear_points(data: bytes, heights: Heights, settings: Settings | None = None
     used = settings or Settings()
     was_clear = False
     for place in _places(data, settings):
-        is_clear = _is_clear(place.state, heights, used)
+        is_clear = _is_clear(place, heights, used)
         if is_clear and not was_clear:
             yield _restart(data, place, heights, settings)
         was_clear = is_clear
 
 
-def _is_clear(state: State, heights: Heights, settings: Settings) -> bool:
-    if not state.tool or state.motion != "G0" or _obstacle(state) is not None:
+def _is_clear(place: _Place, heights: Heights, settings: Settings) -> bool:
+    state = place.state
+    if not state.tool or state.motion != "G0" or place.obstacle is not None:
         return False
     height_mm = mapping_of(state, settings, is_suppressed=False).inverse_point(state.position_mm)[2]
     return height_mm >= heights.clearance_z_mm - _TOUCH_MM
@@ -117,7 +120,7 @@ def last_safe_line(data: bytes, line: int, settings: Settings | None = None) -> 
     for place in _places(data, settings):
         if place.line > line:
             break
-        if _obstacle(place.state) is None and place.state.tool:
+        if place.obstacle is None and place.state.tool:
             safe = place.line
     return safe
 
@@ -143,8 +146,9 @@ def modal_blocks(state: State) -> list[str] | None:
     return [*blocks, state.work_offset, " ".join(["TRANS", *words])]
 
 
-def resumed_interpreter(state: State, settings: Settings) -> Interpreter | None:
-    """A fresh interpreter in the same modal state and place, or None where `modal_blocks` is."""
+def resumed_interpreter(stopped: Interpreter, settings: Settings) -> Interpreter | None:
+    """A fresh interpreter in the same state and place, variables included, or None where `modal_blocks` is."""
+    state = stopped.state
     blocks = modal_blocks(state)
     if blocks is None:
         return None
@@ -155,6 +159,7 @@ def resumed_interpreter(state: State, settings: Settings) -> Interpreter | None:
     for block in [*blocks, *words, *motion]:
         if block:
             fresh.block(block.encode("ascii"), 0)
+    fresh.go_on_from(stopped)
     return fresh
 
 
@@ -169,17 +174,22 @@ def _unreachable(what: str, data: bytes, settings: Settings | None) -> InputReje
 
 def _restart(data: bytes, place: _Place, heights: Heights, settings: Settings | None) -> RestartPoint:
     state = place.state
-    obstacle = _obstacle(state)
-    if obstacle is not None:
+    if place.obstacle is not None:
         safe = last_safe_line(data, place.line, settings)
         remedy = f"restart at line {safe}" if safe is not None else "run the program from its start"
-        raise InputRejected(f"line {place.line}: {obstacle}", remedy=remedy)
-    preamble = tuple(_preamble(state, heights, settings or Settings()))
+        raise InputRejected(f"line {place.line}: {place.obstacle}", remedy=remedy)
+    parameters = [f"R{number}={_text(value)}" for number, value in sorted(place.parameters.items())]
+    preamble = (*parameters, *_preamble(state, heights, settings or Settings()))
     return RestartPoint(place.line, place.number, place.offset_bytes, state.position_mm, preamble, state.is_inch)
 
 
-def _obstacle(state: State) -> str | None:
-    """Why a restart cannot begin in this state, or None."""
+def _obstacle(interpreter: Interpreter) -> str | None:
+    """Why a restart cannot begin before the next block, or None."""
+    state = interpreter.modal
+    if interpreter.is_in_structure:
+        return "IF, a loop or a jump is open, which does not end well without its beginning"
+    if interpreter.variables.globals:
+        return "variables are defined by DEF, which the preamble does not restore"
     if state.motion in _SPLINES:
         return f"{state.motion} is running, and the curve depends on blocks before"
     if state.motion == "CT":
@@ -274,7 +284,8 @@ def _places(data: bytes, settings: Settings | None) -> Iterator[_Place]:
         state = interpreter.state
         if state.is_ended:
             return
-        yield _Place(line, _number(raw, line), offset, state)
+        parameters = dict(interpreter.variables.r)
+        yield _Place(line, _number(raw, line), offset, state, parameters, _obstacle(interpreter))
         interpreter.block(raw.rstrip(b"\r\n"), line)
         offset += len(raw)
 

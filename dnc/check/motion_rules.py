@@ -23,9 +23,9 @@ _TOUCH_MM = 1e-6
 
 def alarm(command: canon.Command, track: Track) -> Iterator[Finding]:
     """What the control refuses."""
-    del track
     if isinstance(command, canon.Alarm):
-        name = _ALARMS.get(command.number, "alarm")
+        is_jump = command.number == track.limits.profile.control.backward_jump_alarm
+        name = "jump" if is_jump else ALARM_IDS.get(command.number, "alarm")
         text, _, remedy = command.text.partition("; ")
         yield Finding(
             name,
@@ -38,8 +38,8 @@ def alarm(command: canon.Command, track: Track) -> Iterator[Finding]:
         )
 
 
-_ALARMS = {
-    14000: "jump", 12080: "syntax", 12060: "group-twice", 12470: "unknown-word", 12550: "unknown-word",
+ALARM_IDS = {
+    12080: "syntax", 12060: "group-twice", 12470: "unknown-word", 12550: "unknown-word",
     12110: "unknown-word", 14011: "missing-subprogram", 14040: "arc-open", 10860: "no-feed",
     10810: "no-spindle", 14290: "spline", 14750: "unknown-word", 10730: "axis-limit",
 }  # fmt: skip
@@ -190,6 +190,7 @@ def steep_plunge(command: canon.Command, track: Track) -> Iterator[Finding]:
             f"the tool plunges {plunge.start[2] - plunge.end[2]:g} mm straight down at {plunge.feed_mm_min:g} mm/min",
             f"that is more than half the feed of the cut, {command.feed_mm_min:g} mm/min; a ball's tip does not cut",
             "plunge slower, or down a ramp",
+            plunge.block,
         )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dnc.check import track as geometry
 from dnc.check.rate import run_times_ns
-from dnc.check.track import LARGEST_NUMBER, Track
+from dnc.check.track import LARGEST_NUMBER, Track, starts_over
 from sim.interpreter.bulk import plain_ends
 from sim.interpreter.canon import LineRun, Vector
 from sim.interpreter.plain import PlainLines
@@ -72,17 +72,21 @@ def doubtful(values: NDArray[np.float64], interpreter: Interpreter, track: Track
 
 
 def _bad_numbers(numbers: NDArray[np.float64], track: Track) -> NDArray[np.bool_]:
-    """Block numbers that descend, stand twice or are too large."""
+    """Block numbers that descend, start over, stand twice in a round or are too large."""
     found = np.zeros(len(numbers), dtype=np.bool_)
     rows = np.flatnonzero(~np.isnan(numbers))
     if len(rows) == 0:
         return found
     here = numbers[rows].astype(np.int64)
     last = -1 if track.last_number is None else track.last_number
-    falls = np.diff(here, prepend=last) < 0
-    found[rows] = falls | (here > LARGEST_NUMBER) | track.numbers.holds(here)
+    before = np.concatenate([[last], here[:-1]])
+    falls = here < before
+    rounds = np.zeros(len(here), dtype=np.int64)
+    for row in np.flatnonzero(falls).tolist():
+        rounds[row:] += starts_over(int(before[row]), int(here[row]))
+    found[rows] = falls | (here > LARGEST_NUMBER) | (track.numbers.holds(here) & (rounds == 0))
     if falls[1:].any() or (np.diff(here) == 0).any():
-        _, firsts = np.unique(here, return_index=True)
+        _, firsts = np.unique(here + rounds * (LARGEST_NUMBER + 1), return_index=True)
         again = np.ones(len(here), dtype=np.bool_)
         again[firsts] = False
         found[rows[again]] = True

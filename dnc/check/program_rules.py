@@ -12,8 +12,8 @@ EndRule = Callable[[Track], Iterator[Finding]]
 
 
 def missing_end(track: Track) -> Iterator[Finding]:
-    """No M30, M2 or M17."""
-    if track.end_line is None:
+    """No M30, M2 or M17; one that a jump or an alarm kept from being reached counts."""
+    if track.end_line is None and not track.has_end_word:
         yield Finding(
             "no-end",
             Severity.ERROR,

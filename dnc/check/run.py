@@ -214,7 +214,7 @@ class Check:
         if self._alarms == _MOST_ALARMS:
             self._interpreter = None
         else:
-            self._interpreter = resumed_interpreter(self._interpreter.state, self._settings)
+            self._interpreter = resumed_interpreter(self._interpreter, self._settings)
         if self._interpreter is None:
             self.found.add(not_checked(alarm.line))
 

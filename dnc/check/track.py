@@ -17,6 +17,7 @@ from sim.interpreter import canon
 
 Box = tuple[canon.Vector, canon.Vector]
 _AXES = frozenset("XYZ")
+_ENDS = frozenset({"M2", "M17", "M30"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,18 @@ TURN_FLAT = 0.1
 """Two moves are compared where their unit directions, seen from above, multiply to more than this."""
 LARGEST_NUMBER = 99_999_999
 """The largest block number: eight digits, as the control's own post-processor library writes them."""
+
+
+_LEAST_ROUND = 900
+
+
+def starts_over(last: int, number: int) -> bool:
+    """Whether block numbers begin a new round: behind N9990 comes N10, because the CAM system has four digits.
+
+    >>> starts_over(9990, 10), starts_over(99999, 1), starts_over(9990, 9980), starts_over(120, 10)
+    (True, True, False, False)
+    """
+    return last >= _LEAST_ROUND and 10 * number <= last
 
 
 class NumberSet:
@@ -105,6 +118,7 @@ class Track:
     header_kind: str = ""
     stray_percent_line: int | None = None
     end_line: int | None = None
+    has_end_word: bool = False
     after_end_line: int | None = None
     has_moved: bool = False
     is_inch: bool = False
@@ -128,8 +142,7 @@ class Track:
     def see_block(self, block: Block) -> None:
         """Take a block into account after the rules have looked at it."""
         if block.number is not None:
-            self.numbers.add(block.number)
-            self.last_number = block.number
+            self._see_number(block.number)
         if block.header is not None or header_name(block) is not None:
             self._see_header(block)
         if block.is_empty:
@@ -137,18 +150,24 @@ class Track:
         self.blocks += 1
         if self.end_line is not None and self.after_end_line is None:
             self.after_end_line = block.line
+        self.has_end_word |= any(code_of(word) in _ENDS for word in block.words)
         self._see_splines(block)
 
     def see_plain(self, number: int | None, line: int, *, is_cut: bool) -> None:
         """Take a block of plain coordinates into account, outside of BSPLINE; `is_cut` where it says G1."""
         if number is not None:
-            self.numbers.add(number)
-            self.last_number = number
+            self._see_number(number)
         self.blocks += 1
         if self.end_line is not None and self.after_end_line is None:
             self.after_end_line = line
         if is_cut:
             self.motion_code = "G1"
+
+    def _see_number(self, number: int) -> None:
+        if self.last_number is not None and starts_over(self.last_number, number):
+            self.numbers = NumberSet()
+        self.numbers.add(number)
+        self.last_number = number
 
     def _see_header(self, block: Block) -> None:
         if block.header == "" and self.blocks:

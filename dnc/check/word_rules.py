@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from dnc.check.finding import Finding, Severity
-from dnc.check.track import LARGEST_NUMBER, Track, is_inch, motion_code_of
+from dnc.check.track import LARGEST_NUMBER, Track, is_inch, motion_code_of, starts_over
 from planner.gcode import GROUP_OF, Block, ModalGroup, Word, code_of
 from planner.gcode.statement import Case, For, Jump, Mark, Marker, RepeatSection, Until, While
 
@@ -26,8 +26,8 @@ _LOOPS = (Jump, While, For, Until, Case, RepeatSection)
 
 
 def number_twice(block: Block, track: Track) -> Iterator[Finding]:
-    """The same N again."""
-    if block.number is not None and block.number in track.numbers:
+    """The same N again in one round of numbers."""
+    if block.number is not None and block.number in track.numbers and not _is_new_round(block.number, track):
         yield Finding(
             "number-duplicate",
             Severity.WARNING,
@@ -55,9 +55,9 @@ def number_too_large(block: Block, track: Track) -> Iterator[Finding]:
 
 
 def number_descends(block: Block, track: Track) -> Iterator[Finding]:
-    """N smaller than the one before."""
+    """N smaller than the one before, unless the numbers start over."""
     last = track.last_number
-    if block.number is not None and last is not None and block.number < last:
+    if block.number is not None and last is not None and block.number < last and not starts_over(last, block.number):
         yield Finding(
             "number-descending",
             Severity.WARNING,
@@ -67,6 +67,24 @@ def number_descends(block: Block, track: Track) -> Iterator[Finding]:
             "a block search may not find it",
             "number the blocks again",
         )
+
+
+def numbers_start_over(block: Block, track: Track) -> Iterator[Finding]:
+    """A new round of numbers, as CAM systems with four digits write them: one finding a round."""
+    if block.number is not None and _is_new_round(block.number, track):
+        yield Finding(
+            "number-round",
+            Severity.NOTE,
+            block.line,
+            1,
+            f"the block numbers start over: N{block.number} comes after N{track.last_number}",
+            "numbers stand for several blocks from here on; a jump or a block search takes the first it finds",
+            "name lines in place of numbers, or number the blocks with more digits",
+        )
+
+
+def _is_new_round(number: int, track: Track) -> bool:
+    return track.last_number is not None and starts_over(track.last_number, number)
 
 
 def other_dialect(block: Block, track: Track) -> Iterator[Finding]:
@@ -174,16 +192,29 @@ def jump_while_fed(block: Block, track: Track) -> Iterator[Finding]:
         isinstance(statement, Mark) and statement.marker in (Marker.LOOP, Marker.REPEAT)
     )
     if is_loop:
-        name = statement.keyword if isinstance(statement, Jump) else type(statement).__name__.upper()
         yield Finding(
             "jump",
             Severity.ERROR,
             block.line,
             1,
-            f"{name} cannot be run while the program is fed",
+            f"{_keyword(block)} cannot be run while the program is fed",
             "the blocks it goes to are not in the control's memory",
             "write the blocks out, or load the program whole",
         )
+
+
+def _keyword(block: Block) -> str:
+    """The word of a jump or loop as the block spells it."""
+    statement = block.statement
+    match statement:
+        case Jump(keyword):
+            return keyword
+        case Mark(marker):
+            return marker.value
+        case RepeatSection(is_single_block=is_single_block):
+            return "REPEATB" if is_single_block else "REPEAT"
+        case _:
+            return type(statement).__name__.upper()
 
 
 def spline_run(block: Block, track: Track) -> Iterator[Finding]:
@@ -220,7 +251,7 @@ def _spelled(word: Word) -> str | None:
     return "G05" if word.text in ("05", "5") else code_of(word)
 
 
-NUMBER_RULES: tuple[BlockRule, ...] = (number_twice, number_too_large, number_descends)
+NUMBER_RULES: tuple[BlockRule, ...] = (number_twice, number_too_large, number_descends, numbers_start_over)
 BLOCK_RULES: tuple[BlockRule, ...] = (
     *NUMBER_RULES,
     other_dialect,

@@ -125,7 +125,7 @@ def test_a_program_in_inches_goes_on_in_inches(is_inch: bool) -> None:
     assert rest[0].feed_mm_min == 254.0
     modes = [one for one in commands[:before] if isinstance(one, canon.SetPathMode)]
     assert modes[-1].tolerance_mm == pytest.approx(0.254)
-    resumed = resumed_interpreter(Interpreter(settings).state, settings)
+    resumed = resumed_interpreter(Interpreter(settings), settings)
     assert resumed is not None
     assert resumed.state.is_inch == is_inch
 
@@ -141,6 +141,15 @@ def test_a_place_behind_an_alarm_is_refused_with_the_alarm() -> None:
     """(6.8)"""
     with pytest.raises(InputRejected, match=r"line 3 is not reached.*line 2 with alarm 12470: G777"):
         restart_at_line(b"G17\nG777\nG0 X1\nM30\n", 3, HEIGHTS)
+
+
+def test_r_parameters_are_restored() -> None:
+    """(6.8) What the program has computed before stands in the preamble."""
+    data = (HEAD + "R1=2.5 R7=-4\nG1 Z1 F100\nX10 F250\nX=R1*8\nG0 Z50\nM30\n").encode()
+    point = restart_at_line(data, len(HEAD.splitlines()) + 4, HEIGHTS)
+    assert point.preamble[:2] == ("R1=2.5", "R7=-4")
+    commands, before = run_from(data, point)
+    assert cutting(commands[before:])[0].end[0] == 20.0 + 1.0
 
 
 def test_an_offset_that_is_not_the_reference_is_respected() -> None:
@@ -159,6 +168,8 @@ def test_an_offset_that_is_not_the_reference_is_respected() -> None:
         ("BSPLINE X5 Z2 PL=0 F250\nX10 PL=1\nX15 PL=2\n@X20 PL=0\n", "BSPLINE is running"),
         ("ROT RPL=30\nG1 X10 F250\n@X20\n", "turns, scales or mirrors"),
         ("G1 X10 F250\nCT X15 Y5\n@X20 Y5\n", "CT takes its direction"),
+        ("IF R1==0\n@G1 X10 F250\nENDIF\n", "IF, a loop or a jump is open"),
+        ("DEF REAL WIDTH=5\n@G1 X10 F250\n", "defined by DEF"),
     ],
 )
 def test_places_that_cannot_be_restored_are_refused_with_a_better_one(middle: str, words: str) -> None:
@@ -187,7 +198,7 @@ def test_resumed_interpreter_goes_on_like_the_first() -> None:
     first = Interpreter()
     for number, text in enumerate(head.splitlines(), 1):
         first.block(text.encode(), number)
-    second = resumed_interpreter(first.state, Settings())
+    second = resumed_interpreter(first, Settings())
     assert second is not None
     for number, text in enumerate(tail.splitlines(), 1):
         assert second.block(text.encode(), number) == first.block(text.encode(), number)

@@ -129,6 +129,25 @@ def test_after_an_alarm_the_rest_is_checked_in_the_same_state() -> None:
     assert found == [("unknown-word", 3), ("reversal", 5)]
 
 
+def test_variables_and_open_structures_outlive_an_alarm() -> None:
+    """(6.10) One refused block brings no findings about what was defined or opened before it."""
+    found = ids("DEF REAL WIDTH=5\nIF WIDTH>1\nG1 X10 Q1 F250\nX=WIDTH*4 F250\nENDIF\n")
+    assert found == [("unknown-word", 3)]
+
+
+def test_jumps_are_named_as_they_are_written() -> None:
+    """(6.10)"""
+    check = Check(Limits(PROFILE))
+    check.chunk((HEAD + "LOOP\nREPEAT\nREPEATB HERE\nREPEAT HERE\nFOR R1=1 TO 2\n").encode(), 1)
+    told = [one.text.split()[0] for one in check.finish().findings if "cannot be run" in one.text]
+    assert told == ["LOOP", "REPEAT", "REPEATB", "REPEAT", "FOR"]
+
+
+def test_an_end_that_a_jump_passes_over_is_an_end() -> None:
+    """(6.10)"""
+    assert {name for name, _ in ids("G1 X10 F250\nGOTOF NOWHERE\n")} == {"jump", "alarm"}
+
+
 def test_memory_stays_bounded(tmp_path: Path) -> None:
     """Four times the program, the same memory (6.10)."""
     peaks = []

@@ -75,6 +75,30 @@ def test_every_golden(path: Path) -> None:
     agree(path.read_bytes())
 
 
+@pytest.mark.parametrize("step", [1, 10])
+def test_numbers_that_start_over(step: int) -> None:
+    """(6.10) Four digits of a CAM system: one note a round, and the rest still goes the fast way."""
+    most = 9999 // step
+    lines = [f"N{step * (1 + place % most)} X{place * 0.02:.3f} Y5" for place in range(4 * most)]
+    text = f"{HEAD}" + "\n".join(lines) + f"\n{TAIL}"
+    assert agree(text.encode()) > 0.9 * len(lines)
+    check = Check(LIMITS)
+    check.chunk(text.encode(), 1)
+    ids = [finding.id for finding in check.finish().findings]
+    assert ids.count("number-round") == 3
+    assert "number-duplicate" not in ids
+    assert "number-descending" not in ids
+
+
+def test_a_number_twice_in_one_round_is_told_in_the_next_round_too() -> None:
+    """(6.10)"""
+    text = HEAD + "N9998 X2\nN9999 X3\nN1 X4\nN2 X5\nN2 X6\nN3 X7\n" + TAIL
+    check = Check(LIMITS)
+    check.chunk(text.encode(), 1)
+    found = [(finding.id, finding.block) for finding in check.finish().findings if finding.id.startswith("number")]
+    assert found == [("number-round", 1), ("number-duplicate", 2)]
+
+
 def cam(blocks: int, feed: int = 1000) -> list[str]:
     lines = []
     for step in range(blocks):
