@@ -198,7 +198,7 @@ class Sender:
         if self._is_held_by_peer:
             self.tally.repeated_xoff_count += 1
             return events
-        self._is_held_by_peer, self._is_hold_warned = True, False
+        self._is_held_by_peer, self._is_hold_warned, self._has_early_xon = True, False, False
         inflight = self.clock.inflight_bytes(now_s)
         self.tally.held(inflight, now_s)
         self._since_s = now_s
@@ -307,5 +307,7 @@ class Sender:
             self._since_s = now_s
         if new is JobState.PAUSED or new in _OVER:
             self._stop_at = None
+        if new is JobState.SENDING and old in (JobState.LOADED, JobState.ARMED):
+            self._suspicion.forget()  # noise that could pause nothing must not keep later noise from doing it
         self.tally.moved(new, now_s, self.clock.idle_at_s)
         return [StateChanged(now_s, self.offset_bytes, old, new, cause.value)]
