@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from dnc.events import Alarm, Event
+from dnc.events import Alarm, Event, Severity
 
 _KEPT_ALARMS = 100
 Listener = Callable[[Event], None]
@@ -28,7 +28,11 @@ class _Outlet:
 
 
 class EventLog:
-    """`add` returns at once; the listeners may be slow. The first alarm of a kind is kept."""
+    """`add` returns at once; the listeners may be slow.
+
+    The report keeps the first alarm of a kind. Listeners hear a warning once and an alarm each time: the operator who
+    resumed must learn why the job has stopped again.
+    """
 
     def __init__(self, listeners: list[Listener]) -> None:
         self.alarms: list[Alarm] = []
@@ -38,10 +42,11 @@ class EventLog:
     def add(self, event: Event) -> None:
         """Take an event of the sending loop."""
         if isinstance(event, Alarm):
-            if event.id in self._seen or len(self.alarms) >= _KEPT_ALARMS:
+            if event.id not in self._seen and len(self.alarms) < _KEPT_ALARMS:
+                self._seen.add(event.id)
+                self.alarms.append(event)
+            elif event.severity is not Severity.ALARM:
                 return
-            self._seen.add(event.id)
-            self.alarms.append(event)
         for outlet in self._outlets:
             outlet.queue.put(event)
 

@@ -14,7 +14,7 @@ import pytest
 from dnc import alarms
 from dnc.errors import SettingsRejected
 from dnc.eventlog import EventLog
-from dnc.events import Event, Held, JobState, StateChanged
+from dnc.events import Alarm, Event, Held, JobState, StateChanged
 from dnc.hooks import hooks_of
 
 ABOUT = {"job": "J1", "program": "part.mpf", "machine": "mill", "port": "/dev/ttyS0", "simulated": False}
@@ -117,3 +117,15 @@ def test_a_listener_that_hangs_delays_no_other() -> None:
     assert shown.wait(10)
     release.set()
     log.close()
+
+
+def test_an_alarm_is_told_each_time_and_kept_once() -> None:
+    """(5.7) The job that stops again after a resume says why again; a warning is said once."""
+    told: list[Event] = []
+    log = EventLog([told.append])
+    for _ in range(3):
+        log.add(alarms.TOO_NOISY.at(1.0, 10))
+        log.add(alarms.LONG_HOLD.at(1.0, 10))
+    log.close()
+    assert [alarm.id for alarm in told if isinstance(alarm, Alarm)] == ["DNC-L14P", "DNC-L1", "DNC-L14P", "DNC-L14P"]
+    assert [alarm.id for alarm in log.alarms] == ["DNC-L14P", "DNC-L1"]
