@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import pty
 import re
@@ -13,9 +14,12 @@ from pathlib import Path
 
 import pytest
 import serial
+from click.testing import CliRunner
 
+from dnc import alarms
 from dnc.capture import Capture
-from dnc.errors import PortUnavailable
+from dnc.cli.main import program as command_line
+from dnc.errors import ExitCode, PortUnavailable
 from dnc.events import Alarm, JobState, Noise, Severity
 from dnc.pacing import Pace
 from dnc.port import SerialPort
@@ -31,19 +35,34 @@ PROGRAM = b"".join(b"N%d G1 X%d\n" % (index * 10, index) for index in range(1, 2
 
 
 def test_every_row_of_the_table_names_a_test_that_exists() -> None:
-    """(5.10) docs/faults.md: each id of the list once; a staged one names a test whose docstring names the id."""
+    """(5.10) docs/faults.md: each id of the list once, with tests whose docstrings name the id."""
     rows = re.findall(r"^\| ([LACPO]\d+) \|.*\| ([^|]+) \|$", (ROOT / "docs/faults.md").read_text(), re.MULTILINE)
     wanted = [f"L{n}" for n in range(1, 15)] + [f"A{n}" for n in range(1, 13)] + [f"C{n}" for n in range(1, 13)]
     wanted += [f"P{n}" for n in range(1, 8)] + [f"O{n}" for n in range(1, 10)]
     assert [fault for fault, _ in rows] == wanted
     sources = {path: path.read_text() for path in (ROOT / "tests").rglob("test_*.py")}
     for fault, shown in rows:
-        for name in re.findall(r"`(test_\w+)`", shown):
+        names = re.findall(r"`(test_\w+)`", shown)
+        assert names, f"{fault} has no test"
+        for name in names:
             places = [text for text in sources.values() if f"def {name}(" in text]
             assert places, f"{fault}: there is no {name}"
             cited = re.search(rf"def {name}\((?:.|\n)*?\"\"\"((?:.|\n)*?)\"\"\"", places[0])
             assert cited is not None
             assert re.search(rf"\b{fault}\b", cited[1]), f"{name} does not name {fault}"
+
+
+def test_every_alarm_has_a_meaning_a_remedy_and_a_row() -> None:
+    """(5.10) The id of an alarm is that of its fault in docs/faults.md, or of a fault of the host (H)."""
+    kinds = [kind for kind in vars(alarms).values() if isinstance(kind, alarms.Kind)]
+    assert len({kind.id for kind in kinds}) == len(kinds) > 10
+    table = (ROOT / "docs/faults.md").read_text()
+    for kind in kinds:
+        assert len(kind.text) > 10
+        assert len(kind.remedy) > 10
+        found = re.fullmatch(r"DNC-([LACH]\d+)[TP]?", kind.id)
+        assert found is not None, kind.id
+        assert found[1].startswith("H") or f"| {found[1]} |" in table
 
 
 def test_a_lost_xon_is_a_long_hold(tmp_path: Path) -> None:
@@ -90,7 +109,8 @@ def test_flipped_and_dropped_bytes_are_the_controls_to_find(tmp_path: Path) -> N
     sender.start(0.0)
     drain(sender, 0.0, until_s=1.0)
     executed = tape.lines.line_at(tape, sender.offset_bytes - 3 - 300) - 5
-    sender.hear(b"\x13\x15", 1.0)
+    assert alarm_ids(sender.hear(b"\x13\x15", 1.0)) == ["DNC-C2"]
+    assert sender.state is JobState.FAULTED
     doubt = in_doubt(tape, sender.offset_bytes, 3, control)
     assert doubt is not None
     assert doubt.first <= executed <= doubt.last
@@ -127,6 +147,26 @@ def test_a_close_that_blocks_is_left_behind(monkeypatch: pytest.MonkeyPatch) -> 
     os.close(master)
 
 
+def test_a_port_that_does_not_close_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(fault A10) The job ends as SENT, exit 0, with a warning that names the remedy."""
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    program, report = tmp_path / "part.mpf", tmp_path / "report.json"
+    program.write_bytes(b"G0 Z500\nM30\n")
+    closes = SerialPort.close
+    monkeypatch.setattr(SerialPort, "close", lambda self: closes(self) and False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    done = CliRunner().invoke(
+        command_line, ["send", str(program), "--port", os.ttyname(slave), "--report", str(report)]
+    )
+    assert (done.exit_code, os.read(master, 100)) == (0, program.read_bytes())
+    (alarm,) = json.loads(report.read_text())["alarms"]
+    assert (alarm["id"], alarm["severity"]) == ("DNC-A10", "warning")
+    assert "unplug the adapter" in done.stderr
+    os.close(slave)
+    os.close(master)
+
+
 def test_no_permission_names_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     """(fault A11)"""
     master, slave = pty.openpty()
@@ -135,8 +175,9 @@ def test_no_permission_names_the_command(monkeypatch: pytest.MonkeyPatch) -> Non
         raise serial.SerialException(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr(serial, "Serial", forbidden)
-    with pytest.raises(PortUnavailable, match="usermod -aG dialout"):
+    with pytest.raises(PortUnavailable, match="usermod -aG dialout") as refused:
         SerialPort(os.ttyname(slave), Link())
+    assert refused.value.exit_code == ExitCode.PORT
     os.close(slave)
     os.close(master)
 

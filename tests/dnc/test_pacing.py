@@ -49,3 +49,14 @@ def test_delays_and_given_back_bytes() -> None:
     clock.take_back(2)
     clock.delay(0.5)
     assert abs(clock.idle_at_s - 0.51) < 1e-12
+
+
+def test_only_the_first_byte_after_a_silence_may_be_late() -> None:
+    """(5.2) The lag is waited for once a burst: bytes that follow in time follow at the line's own rate."""
+    clock = ByteClock(Pace(0.001, 3, 0.0005, slack=0.0))
+    clock.note(3, 0.0)
+    assert abs(clock.idle_at_s - 0.0035) < 1e-12
+    clock.note(1, 0.003)
+    assert abs(clock.idle_at_s - 0.0045) < 1e-12
+    clock.note(1, 1.0)
+    assert abs(clock.idle_at_s - 1.0015) < 1e-12

@@ -7,6 +7,7 @@ import fcntl
 import os
 import pty
 import select
+import struct
 import termios
 import time
 import tty
@@ -15,9 +16,9 @@ from pathlib import Path
 
 import pytest
 
-from dnc.errors import PortLost, PortUnavailable
+from dnc.errors import ExitCode, PortLost, PortUnavailable
 from dnc.locks import UucpLock, lock_name
-from dnc.port import SerialPort, difference, identity_of, parity_table, refused_settings, set_flow_characters
+from dnc.port import _MODEM, SerialPort, difference, identity_of, parity_table, refused_settings, set_flow_characters
 from dnc.profile import Link
 
 COARSE_CLOCK = 5
@@ -162,6 +163,46 @@ def test_settings_that_the_driver_dropped_are_found() -> None:
         refused_settings([0, 0, termios.CS8 | termios.CSTOPB, 0, 13, 13, []], Link(format="7E2", software_parity=True))
         == ""
     )
+
+
+def test_a_format_that_the_driver_drops_is_refused(cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """(5.4; fault A8) A pty drops 7E2 in silence, as some adapters do; taken for a real port it is found out."""
+    monkeypatch.setattr("dnc.port.is_pty", lambda _device: False)
+    with pytest.raises(PortUnavailable, match=r"does not accept .*; choose a format .* software_parity") as refused:
+        SerialPort(cable[1], Link(format="7E2"))
+    assert refused.value.exit_code == ExitCode.PORT
+    assert SerialPort(cable[1], Link(format="7E2", software_parity=True)).close()
+
+
+def test_another_program_that_changes_the_settings_is_noticed(
+    cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """(5.4; fault A5) Read back from the terminal itself, after another descriptor has set another rate."""
+    monkeypatch.setattr("dnc.port.is_pty", lambda _device: False)
+    port = SerialPort(cable[1], Link(format="8N1"))
+    assert port.changed_settings() == ""
+    other = termios.tcgetattr(cable[0])
+    other[4] = other[5] = termios.B1200
+    termios.tcsetattr(cable[0], termios.TCSANOW, other)
+    assert "baud rate" in port.changed_settings()
+    assert port.close()
+
+
+@pytest.mark.parametrize(
+    ("handshake", "line"), [("rtscts", termios.TIOCM_CTS), ("dtrdsr", termios.TIOCM_DSR), ("xonxoff", 0)]
+)
+def test_the_modem_line_of_the_handshake_is_read(
+    cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch, handshake: str, line: int
+) -> None:
+    """(5.3; fault L11) The line that falls with the cable; by a fake, because a pty has none."""
+    port = SerialPort(cable[1], Link())
+    port._modem = _MODEM.get(handshake)
+    others = termios.TIOCM_CTS | termios.TIOCM_DSR | termios.TIOCM_CAR
+    for lines, may_send in ((others, True), (others & ~line, not line)):
+        monkeypatch.setattr(fcntl, "ioctl", lambda *_args, lines=lines: struct.pack("I", lines))
+        assert port.may_send() is may_send
+    monkeypatch.undo()
+    assert port.close()
 
 
 def test_foreign_changes_are_named() -> None:

@@ -1,4 +1,4 @@
-"""The sender under a clock that the test turns: start, hold, pause, stop, end (5.1, 5.3, 5.4, 5.7)."""
+"""The sender under a clock that the test turns: start, pace, hold, resume (5.1 to 5.4)."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dnc import alarms
-from dnc.events import Held, JobState, Noise, Resumed
-from dnc.handshake import Cause
+from dnc.events import Held, JobState, Resumed
 from dnc.pacing import Pace
 from tests.helpers.line import XOFF, XON, alarm_ids, drain, sender_of, states, tape_of
 
@@ -62,17 +60,6 @@ def test_utilisation_counts_neither_holds_nor_pauses(tmp_path: Path) -> None:
     assert sender.tally.utilisation(11.0) > 0.97
 
 
-def test_a_masked_xoff_is_obeyed_counted_and_named_once(tmp_path: Path) -> None:
-    """(5.3; fault L6)"""
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
-    assert alarm_ids(sender.hear(b"\x93", 0.1)) == ["DNC-L6"]
-    assert sender.state is JobState.HELD
-    sender.hear(XON, 0.2)
-    assert alarm_ids(sender.hear(b"\x93", 0.3)) == []
-    assert sender.tally.masked_xoff_count == 2
-
-
 def test_repeated_xoff_does_not_restart_the_hold(tmp_path: Path) -> None:
     sender = sender_of(tape_of(tmp_path, PROGRAM))
     sender.start(0.0)
@@ -83,61 +70,12 @@ def test_repeated_xoff_does_not_restart_the_hold(tmp_path: Path) -> None:
     assert (sender.tally.xoff_count, sender.tally.repeated_xoff_count) == (1, 1)
 
 
-def test_pause_reaches_the_block_end_and_resume_goes_on(tmp_path: Path) -> None:
-    """(5.7; invariant I3)"""
+def test_a_control_that_held_before_the_start_is_waited_for(tmp_path: Path) -> None:
+    """(5.1, 5.7) The start is the operator's, the first byte the control's."""
     sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
-    out, now_s = drain(sender, 0.0, until_s=0.05)
-    assert not out.endswith(b"\n")
-    sender.pause(now_s)
-    more, now_s = drain(sender, now_s)
-    assert sender.state is JobState.PAUSED
-    assert (out + more).endswith(b"\n")
-    assert more.count(b"\n") == 1
-    assert sender.take(1000, now_s + 100) == b""
-    assert states(sender.resume(now_s + 100)) == [JobState.SENDING]
-    assert out + more + drain(sender, now_s + 100)[0] == PROGRAM
-
-
-@pytest.mark.parametrize("inflight", [1, 9, 64])
-def test_a_pause_never_runs_past_the_block(tmp_path: Path, inflight: int) -> None:
-    """(5.7; invariant I3) Whatever a write could take."""
-    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(0.001, inflight, 0.0, slack=0.0))
-    sender.start(0.0)
-    out, now_s = drain(sender, 0.0, until_s=0.1)
-    sender.pause(now_s + 1.0)
-    more, _ = drain(sender, now_s + 1.0)
-    assert sender.state is JobState.PAUSED
-    assert (out + more).endswith(b"\n")
-    assert more.count(b"\n") <= 1
-
-
-def test_pause_while_held_in_a_block_waits_for_its_end(tmp_path: Path) -> None:
-    """(5.7) The pause holds even when XON comes."""
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
-    out, _ = drain(sender, 0.0, until_s=0.05)
-    sender.hear(XOFF, 0.05)
-    sender.pause(0.06)
-    assert sender.state is JobState.HELD
-    assert sender.is_pausing
-    sender.hear(XON, 1.0)
-    more, _ = drain(sender, 1.0)
-    assert sender.state is JobState.PAUSED
-    assert (out + more).endswith(b"\n")
-
-
-def test_xon_during_a_pause_resumes_nothing(tmp_path: Path) -> None:
-    """(5.7; fault C9) Not even the control's power-on XON."""
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
     sender.hear(XOFF, 0.0)
-    sender.pause(0.0)
-    assert sender.state is JobState.PAUSED
-    sender.hear(XON + XON, 1.0)
-    assert sender.state is JobState.PAUSED
-    sender.hear(XOFF, 2.0)
-    assert states(sender.resume(3.0)) == [JobState.HELD]
+    assert states(sender.start(1.0)) == [JobState.SENDING, JobState.HELD]
+    assert sender.take(1000, 1.0) == b""
 
 
 def test_wait_xon_and_its_timeout(tmp_path: Path) -> None:
@@ -156,16 +94,19 @@ def test_an_early_xon_is_remembered_but_not_acted_on(tmp_path: Path) -> None:
     sender = sender_of(tape_of(tmp_path, PROGRAM), waits_for_xon=True)
     sender.hear(XON, 0.0)
     assert sender.state is JobState.LOADED
+    assert sender.take(1000, 0.5) == b""
     sender.start(1.0)
     assert sender.state is JobState.SENDING
 
 
-def test_other_bytes_do_not_start_an_armed_job(tmp_path: Path) -> None:
-    """(fault L7)"""
+def test_an_xoff_after_an_early_xon_counts(tmp_path: Path) -> None:
+    """(5.1; fault C4) The last word before the start holds: the job waits for another XON."""
     sender = sender_of(tape_of(tmp_path, PROGRAM), waits_for_xon=True)
-    sender.start(0.0)
-    sender.hear(b"\xfe\x00\x81", 0.5)
-    assert sender.state is JobState.ARMED
+    sender.hear(XON + XOFF, 0.0)
+    sender.start(1.0)
+    assert (sender.state, sender.take(1000, 1.0)) == (JobState.ARMED, b"")
+    sender.hear(XON, 2.0)
+    assert sender.state is JobState.SENDING
 
 
 def test_hold_timeout_only_when_set(tmp_path: Path) -> None:
@@ -184,112 +125,16 @@ def test_hold_timeout_only_when_set(tmp_path: Path) -> None:
     assert strict.state is JobState.FAULTED
 
 
-@pytest.mark.parametrize(
-    ("said", "state", "alarm"),
-    [(b"\x13\x16", JobState.ABORTED, "DNC-C1"), (b"\x13\x15", JobState.FAULTED, "DNC-C2")],
-)
-def test_reset_and_alarm_of_the_control(tmp_path: Path, said: bytes, state: JobState, alarm: str) -> None:
-    """(faults C1, C2)"""
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
-    assert alarm_ids(sender.hear(said, 0.1)) == [alarm]
-    assert sender.state is state
-    assert sender.resume(1.0) == []
-    assert sender.hear(XON, 2.0) == []
-    assert sender.take(1000, 3.0) == b""
-
-
-def test_abort_stops_at_once_and_knows_whether_a_block_is_cut(tmp_path: Path) -> None:
-    """(5.7)"""
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
-    drain(sender, 0.0, until_s=0.05)
-    assert states(sender.abort(0.05)) == [JobState.ABORTED]
-    assert sender.is_cut
-    assert sender.take(1000, 1.0) == b""
-
-
-def test_own_bytes_coming_back_are_a_loopback(tmp_path: Path) -> None:
-    """(fault L12)"""
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
-    out, now_s = drain(sender, 0.0, until_s=0.05)
-    events = [event for byte in out[:12] for event in sender.hear(bytes([byte]), now_s)]
-    assert alarm_ids(events) == ["DNC-L12"]
-    assert sender.state is JobState.FAULTED
-
-
-def test_noise_is_counted_then_shown_then_pauses(tmp_path: Path) -> None:
-    """(fault L14)"""
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
-    events = [event for index in range(99) for event in sender.hear(bytes([0x80 + index % 7]), index * 0.1)]
-    assert alarm_ids(events) == ["DNC-L14"]
-    assert sum(isinstance(event, Noise) for event in events) == 99
-    assert sender.state is JobState.SENDING
-    assert alarm_ids(sender.hear(b"\x80", 9.95)) == ["DNC-L14P"]
-    assert sender.state is JobState.PAUSED
-    assert alarm_ids(sender.hear(b"\x80" * 300, 10.0)) == []
-    sender.resume(20.0)
-    assert sender.state is JobState.SENDING
-
-
-def test_a_little_noise_over_hours_is_no_alarm(tmp_path: Path) -> None:
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
-    events = [event for index in range(500) for event in sender.hear(b"\x80", index * 30.0)]
-    assert alarm_ids(events) == []
-
-
-def test_a_broken_line_pauses(tmp_path: Path) -> None:
-    """(fault L13)"""
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
-    assert alarm_ids(sender.hear(b"\0" * 12, 0.1)) == ["DNC-L13"]
-    assert sender.state is JobState.PAUSED
-
-
-def test_xon_without_xoff_is_counted_and_warned_of(tmp_path: Path) -> None:
-    """(fault L4)"""
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
-    events = [event for index in range(25) for event in sender.hear(XON, index * 1.0)]
-    assert alarm_ids(events) == ["DNC-L4"]
-    assert sender.tally.unasked_xon_count == 25
-
-
-def test_the_closing_percent_leaves_with_the_last_block_end(tmp_path: Path) -> None:
-    """(5.4)"""
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    sender.start(0.0)
-    now_s, chunks = 0.0, []
-    while sender.offset_bytes < len(PROGRAM):
-        chunks.append(sender.take(1000, now_s))
-        now_s = max(now_s, sender.next_wake_s) + 1e-9
-    assert chunks[-2:] == [b"\n%", b"\n"]
-
-
-def test_m30_that_stops_reading_ends_as_sent_with_a_note(tmp_path: Path) -> None:
-    """(5.4; fault C5)"""
-    sender = sender_of(tape_of(tmp_path, PROGRAM, trailer=r"\NUL*40"))
-    sender.start(0.0)
-    drain(sender, 0.0, until_s=(len(PROGRAM) + 3) * 0.001)
-    now_s = (len(PROGRAM) + 3) * 0.001
-    sender.hear(XOFF, now_s)
-    assert sender.next_wake_s == pytest.approx(now_s + 2.0)
-    sender.tick(now_s + 2.0)
-    assert sender.state is JobState.SENT
-    assert "trailer not taken" in sender.note
-
-
 def test_bytes_given_back_are_taken_again(tmp_path: Path) -> None:
     """(5.5) A partial write loses and repeats nothing."""
     sender = sender_of(tape_of(tmp_path, PROGRAM))
     sender.start(0.0)
     chunk = sender.take(1000, 0.0)
     sender.give_back(2)
+    again = sender.take(1000, 0.0)
+    assert again == chunk[1:]
     out, _ = drain(sender, 0.0)
-    assert chunk[:1] + out == PROGRAM
+    assert chunk[:1] + again + out == PROGRAM
     assert sender.tally.bytes_sent == len(PROGRAM)
 
 
@@ -315,12 +160,12 @@ def test_line_delay_follows_every_block(tmp_path: Path) -> None:
     assert now_s == pytest.approx(10 * 0.1 + 30 * 0.001, rel=0.02)
 
 
-def test_a_disturbance_pauses_and_a_loss_is_final(tmp_path: Path) -> None:
-    """(5.4, 5.5; faults A1, A5, H5)"""
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
+def test_sent_is_said_when_the_last_byte_has_left_the_line(tmp_path: Path) -> None:
+    """(5.1) DRAINING until then."""
+    sender = sender_of(tape_of(tmp_path, b"G1\nM30\n"), Pace(0.001, 64, 0.0, slack=0.0))
     sender.start(0.0)
-    assert alarm_ids(sender.disturb(alarms.FOREIGN_SETTINGS, "format", 0.1)) == ["DNC-A5"]
-    assert sender.state is JobState.PAUSED
-    assert alarm_ids(sender.lost(0.2, "unplugged")) == ["DNC-A1"]
-    assert (sender.state, sender.last_cause) == (JobState.FAULTED, Cause.LOST)
-    assert sender.lost(0.3, "again") == []
+    assert sender.take(1000, 0.0) == b"G1\nM30\n"
+    assert states(sender.tick(0.0)) == [JobState.DRAINING]
+    assert sender.next_wake_s == pytest.approx(0.007)
+    assert sender.tick(0.0069) == []
+    assert states(sender.tick(0.0071)) == [JobState.SENT]

@@ -112,7 +112,7 @@ def test_the_exact_bytes_arrive(tmp_path: Path, cable: Cable) -> None:
 
 
 def test_a_full_queue_loses_and_repeats_nothing(tmp_path: Path, cable: Cable) -> None:
-    """(5.5) Partial writes and EAGAIN: the pty takes 4 kB, then nothing until it is read."""
+    """(5.5; fault A9) Partial writes and EAGAIN: the pty takes 4 kB, then nothing until it is read."""
     data = PROGRAM * 12
     pace = Pace(byte_s=1e-7, inflight_max_bytes=3000, lag_s=0.0, slack=0.0)
     with Running(tmp_path, cable, pace, data) as running:
@@ -171,6 +171,27 @@ def test_unplugged_in_the_middle(tmp_path: Path, cable: Cable) -> None:
         assert [event.id for event in running.events if isinstance(event, Alarm)] == ["DNC-A1"]
 
 
+def test_a_pulled_cable_is_a_hold_where_a_modem_line_tells(tmp_path: Path, cable: Cable) -> None:
+    """(5.3; fault L11) RTS/CTS: the line falls with the cable, HELD without an alarm; it rises again, every byte."""
+    slow = Pace(byte_s=1e-4, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
+    running = Running(tmp_path, cable, slow)
+    is_plugged = threading.Event()
+    is_plugged.set()
+    running.stream._flow = Flow.MODEM
+    running.port.may_send = is_plugged.is_set  # type: ignore[method-assign]
+    with running:
+        running.wait_for(JobState.SENDING)
+        is_plugged.clear()
+        running.wait_for(JobState.HELD)
+        sent = running.sender.offset_bytes
+        assert running.sender.tally.xoff_count == 1
+        assert cable.read_all(sent) == PROGRAM[:sent]
+        is_plugged.set()
+        assert cable.read_all(len(PROGRAM) - sent) == PROGRAM[sent:]
+        running.wait_for(JobState.SENT)
+        assert [event for event in running.events if isinstance(event, Alarm)] == []
+
+
 def _is_slave(fd: int, name: str) -> bool:
     try:
         return os.ttyname(fd) == name
@@ -213,7 +234,7 @@ class BrokenPort:
 
 
 def test_a_lost_port_purges_and_faults(tmp_path: Path) -> None:
-    """(5.5)"""
+    """(5.5; fault C1) After every stop in the middle, what the system still holds is thrown away."""
     port = BrokenPort(PortLost("gone"))
     sender = sender_of(tape_of(tmp_path, PROGRAM))
     events: list[Event] = []

@@ -96,9 +96,9 @@ class PeerProcess:
 
 
 class SendProcess:
-    """`dnc send` as a child with its own state folder; the report is read from its file."""
+    """`dnc send` as a child with its own state folder; at a terminal if one is given. The report is in a file."""
 
-    def __init__(self, folder: Path, program: Path, pty: str, *options: str) -> None:
+    def __init__(self, folder: Path, program: Path, pty: str, *options: str, terminal: int | None = None) -> None:
         self._report = folder / "report.json"
         runtime = runtime_of(folder)
         environment = {**os.environ, "XDG_STATE_HOME": str(folder / "state"), "XDG_RUNTIME_DIR": str(runtime)}
@@ -106,9 +106,9 @@ class SendProcess:
         self.child = subprocess.Popen(
             [sys.executable, "-m", "dnc", *words],
             env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL if terminal is None else terminal,
+            stdout=subprocess.PIPE if terminal is None else terminal,
+            stderr=subprocess.PIPE if terminal is None else terminal,
             text=True,
         )
 

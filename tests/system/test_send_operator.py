@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
+import os
+import pty
 import signal
 import socket
 from pathlib import Path
@@ -75,6 +78,28 @@ def test_sighup_changes_nothing(tmp_path: Path) -> None:
         sending.child.send_signal(signal.SIGHUP)
         assert sending.finish()[0] == 0
         assert peer.report()["bytes_received"] == program.stat().st_size
+
+
+def test_nothing_typed_at_the_terminal_reaches_the_job(tmp_path: Path) -> None:
+    """(faults O5, O9) Ctrl-S stops the operator's screen only, a pasted text is read by nobody: every byte arrives."""
+    program = program_at(tmp_path, 150)
+    master, slave = pty.openpty()
+    with (
+        PeerProcess(baud=38400, quiet_s=0.5) as peer,
+        SendProcess(tmp_path, program, peer.pty, FAST, terminal=slave) as sending,
+    ):
+        os.close(slave)
+        os.write(master, b"\x13hxa\r r\r q\x1b[15~\r" + b"G0 Z-100\r" * 9)
+        assert peer.report()["sha256"] == hashlib.sha256(program.read_bytes()).hexdigest()
+        os.write(master, b"\x11")
+        shown = b""
+        with contextlib.suppress(OSError):  # the end of a terminal that its last program has left
+            while data := os.read(master, 4096):
+                shown += data
+        assert sending.child.wait(10) == 0
+    os.close(master)
+    assert sending.report()["outcome"] == "SENT"
+    assert b"SIMULATED: sent" in shown
 
 
 def test_kill_9_leaves_a_bound(tmp_path: Path) -> None:

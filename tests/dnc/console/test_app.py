@@ -119,10 +119,12 @@ async def test_without_a_job_a_key_says_so(tmp_path: Path) -> None:
 async def test_ctrl_s_and_ctrl_q_do_nothing(tmp_path: Path) -> None:
     """(2.2, O5)"""
     app = console(tmp_path)
-    async with app.run_test(headless=True, size=(80, 24)) as pilot:
+    async with published(tmp_path) as job, app.run_test(headless=True, size=(80, 24)) as pilot:
+        await until(pilot, app, lambda text: "SENDING" in text)
         await pilot.press("ctrl+s", "ctrl+q", "ctrl+p", "escape")
-        await pilot.pause()
+        await pilot.pause(0.1)
         assert app.is_running
+        assert (app.question, app.notice, job.orders) == ("", "", [])
         await pilot.press("f10")
         await pilot.pause()
         assert not app.is_running

@@ -13,7 +13,7 @@ from dnc.profile import Modbus
 from dnc.status import monitor as monitor_module
 from dnc.status.ledger import MachineStatus, Quality
 from dnc.status.monitor import StatusMonitor, WriteRefused, modbus_of
-from sim.control import Execution
+from sim.control import Execution, Mode
 from sim.endpoint_modbus import ModbusEnd
 from sim.panel import Panel
 
@@ -86,6 +86,20 @@ async def test_a_silent_device_is_seen_within_two_seconds() -> None:
     async with server, watching(server.sockets[0].getsockname()[1]) as monitor:
         await until(monitor, lambda status: "no answer" in status.problem, 2.0)
         assert not monitor.status().is_available
+
+
+async def test_another_mode_program_or_an_empty_buffer_shows() -> None:
+    """(2.1; faults C8, C11) What the line cannot tell: the operator went to EDIT, called another program, starves."""
+    end = mill(panel=Panel(execution=Execution.ACTIVE, buffer_fill_percent=80.0, program="FINISH.MPF"))
+    async with watching(end.port) as monitor:
+        await until(monitor, lambda status: status.value("program") == "FINISH.MPF", 2.0)
+        assert monitor.status().value("controller_mode") == "AUTOMATIC"
+        assert monitor.status().value("buffer_fill_percent") == 80
+        end.show(Panel(execution=Execution.READY, mode=Mode.EDIT, buffer_fill_percent=0.0, program="OTHER.MPF"))
+        await until(monitor, lambda status: status.value("program") == "OTHER.MPF", 2.0)
+        assert monitor.status().value("controller_mode") == "EDIT"
+        assert monitor.status().value("buffer_fill_percent") == 0
+    await asyncio.to_thread(end.stop)
 
 
 async def test_values_of_a_control_without_power_are_bad() -> None:

@@ -1,0 +1,92 @@
+"""What the sender makes of bytes that mean nothing, or not what they should (5.1, 5.3)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dnc.events import JobState, Noise
+from tests.helpers.line import XON, alarm_ids, drain, sender_of, tape_of
+
+PROGRAM = b"".join(b"N%d G1 X%d\n" % (index * 10, index) for index in range(1, 41)) + b"M30\n%\n"
+
+
+def test_a_masked_xoff_is_obeyed_counted_and_named_once(tmp_path: Path) -> None:
+    """(5.3; fault L6)"""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    assert alarm_ids(sender.hear(b"\x93", 0.1)) == ["DNC-L6"]
+    assert sender.state is JobState.HELD
+    sender.hear(XON, 0.2)
+    assert alarm_ids(sender.hear(b"\x93", 0.3)) == []
+    assert sender.tally.masked_xoff_count == 2
+
+
+def test_other_bytes_do_not_start_an_armed_job(tmp_path: Path) -> None:
+    """(fault L7)"""
+    sender = sender_of(tape_of(tmp_path, PROGRAM), waits_for_xon=True)
+    sender.start(0.0)
+    assert alarm_ids(sender.hear(b"\xfe\x00\x81" * 3, 0.5)) == []
+    assert alarm_ids(sender.hear(b"\xfe", 0.6)) == ["DNC-L14"]
+    assert (sender.state, sender.tally.noise_bytes) == (JobState.ARMED, 10)
+    assert sender.take(1000, 0.7) == b""
+
+
+def test_own_bytes_coming_back_are_a_loopback(tmp_path: Path) -> None:
+    """(fault L12)"""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    out, now_s = drain(sender, 0.0, until_s=0.05)
+    events = [event for byte in out[:12] for event in sender.hear(bytes([byte]), now_s)]
+    assert alarm_ids(events) == ["DNC-L12"]
+    assert sender.state is JobState.FAULTED
+
+
+def test_noise_is_counted_then_shown_then_pauses(tmp_path: Path) -> None:
+    """(fault L14)"""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    events = [event for index in range(99) for event in sender.hear(bytes([0x80 + index % 7]), index * 0.1)]
+    assert alarm_ids(events) == ["DNC-L14"]
+    assert sum(isinstance(event, Noise) for event in events) == 99
+    assert sender.state is JobState.SENDING
+    assert alarm_ids(sender.hear(b"\x80", 9.95)) == ["DNC-L14P"]
+    assert sender.state is JobState.PAUSED
+    assert alarm_ids(sender.hear(b"\x80" * 300, 10.0)) == []
+    assert sender.tally.noise_bytes == 400
+    sender.resume(20.0)
+    assert sender.state is JobState.SENDING
+
+
+def test_noise_before_the_first_xon_does_not_hide_noise_after_it(tmp_path: Path) -> None:
+    """(faults L7, L14) Garbage while ARMED stops nothing, so its limit counts anew once bytes leave."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM), waits_for_xon=True)
+    sender.start(0.0)
+    assert alarm_ids(sender.hear(b"\x80\x81" * 60, 1.0)) == ["DNC-L14P"]
+    assert sender.state is JobState.ARMED
+    sender.hear(XON, 2.0)
+    assert alarm_ids(sender.hear(b"\x80\x81" * 60, 3.0)) == ["DNC-L14P"]
+    assert sender.state is JobState.PAUSED
+
+
+def test_a_little_noise_over_hours_is_no_alarm(tmp_path: Path) -> None:
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    events = [event for index in range(500) for event in sender.hear(b"\x80", index * 30.0)]
+    assert alarm_ids(events) == []
+
+
+def test_a_broken_line_pauses(tmp_path: Path) -> None:
+    """(fault L13)"""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    assert alarm_ids(sender.hear(b"\0" * 12, 0.1)) == ["DNC-L13"]
+    assert sender.state is JobState.PAUSED
+
+
+def test_xon_without_xoff_is_counted_and_warned_of(tmp_path: Path) -> None:
+    """(fault L4)"""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    events = [event for index in range(25) for event in sender.hear(XON, index * 1.0)]
+    assert alarm_ids(events) == ["DNC-L4"]
+    assert sender.tally.unasked_xon_count == 25
