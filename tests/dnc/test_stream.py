@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import pty
 import threading
@@ -40,10 +39,12 @@ class NoJournal:
 
 @dataclass
 class Cable:
-    """A pty: our end as a Port, the control's end as a descriptor."""
+    """A pty: the control's end, and ours held open as a plugged adapter does."""
 
     master: int
+    slave: int
     name: str
+    is_plugged: bool = True
 
     def read_all(self, count: int, timeout_s: float = 20.0) -> bytes:
         data, end_s = b"", time.monotonic() + timeout_s
@@ -51,15 +52,20 @@ class Cable:
             data += os.read(self.master, 65536)
         return data
 
+    def unplug(self) -> None:
+        if self.is_plugged:
+            self.is_plugged = False
+            os.close(self.slave)
+            os.close(self.master)
+
 
 @pytest.fixture
 def cable() -> Iterator[Cable]:
     master, slave = pty.openpty()
     tty.setraw(slave)
-    yield Cable(master, os.ttyname(slave))
-    for fd in (master, slave):
-        with contextlib.suppress(OSError):
-            os.close(fd)
+    cable = Cable(master, slave, os.ttyname(slave))
+    yield cable
+    cable.unplug()
 
 
 class Running:
@@ -162,10 +168,8 @@ def test_unplugged_in_the_middle(tmp_path: Path, cable: Cable) -> None:
     slow = Pace(byte_s=1e-3, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
     with Running(tmp_path, cable, slow) as running:
         running.wait_for(JobState.SENDING)
-        slave = next(fd for fd in range(3, 64) if _is_slave(fd, cable.name) and fd != running.port.fileno())
-        os.close(slave)
         before_s = time.monotonic()
-        os.close(cable.master)
+        cable.unplug()
         running.wait_for(JobState.FAULTED)
         assert time.monotonic() - before_s < 1.0
         assert [event.id for event in running.events if isinstance(event, Alarm)] == ["DNC-A1"]
@@ -190,13 +194,6 @@ def test_a_pulled_cable_is_a_hold_where_a_modem_line_tells(tmp_path: Path, cable
         assert cable.read_all(len(PROGRAM) - sent) == PROGRAM[sent:]
         running.wait_for(JobState.SENT)
         assert [event for event in running.events if isinstance(event, Alarm)] == []
-
-
-def _is_slave(fd: int, name: str) -> bool:
-    try:
-        return os.ttyname(fd) == name
-    except OSError:
-        return False
 
 
 class BrokenPort:

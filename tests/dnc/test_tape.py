@@ -37,13 +37,21 @@ def test_bytes_as_in_the_file(tmp_path: Path) -> None:
     [("lf", b"\n"), ("cr", b"\r"), ("crlf", b"\r\n"), ("lfcr", b"\n\r"), ("lfcrcr", b"\n\r\r"), (r";\LF", b";\n")],
 )
 def test_every_block_end(tmp_path: Path, name: str, end: bytes) -> None:
-    """(5.4; fault P5) Mixed ends of the file become the control's end; a run is never torn by a chunk's border."""
+    """(5.4; fault P5) Mixed ends of the file become the control's end."""
     ends = [b"\n", b"\r\n", b"\n"]
     blocks = [b"G1 X%d" % index for index in range(20_000)]
     data = b"".join(block + ends[index % 3] for index, block in enumerate(blocks))
     tape = tape_of(tmp_path, data, end_of_block=name)
     assert whole(tape) == b"".join(block + end for block in blocks)
     assert tape.lines.count == 20_000
+
+
+@pytest.mark.parametrize("shift", [0, 1, 2])
+def test_a_block_end_on_the_border_of_a_chunk(tmp_path: Path, shift: int) -> None:
+    """(5.4; fault P5) CR before the border and LF behind it are one block end."""
+    blocks = [b"X" * (1022 + shift), *[b"G" * 1022] * 130]
+    tape = tape_of(tmp_path, b"".join(block + b"\r\n" for block in blocks), end_of_block="lfcr")
+    assert whole(tape) == b"".join(block + b"\n\r" for block in blocks)
 
 
 def test_leader_and_trailer(tmp_path: Path) -> None:

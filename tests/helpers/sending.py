@@ -26,6 +26,14 @@ def checked(report: dict[str, object]) -> dict[str, object]:
     return report
 
 
+def only_alarm(report: dict[str, object]) -> str:
+    """The id of the one alarm of this job; it must say what it means and what to do."""
+    (alarm,) = report["alarms"]  # type: ignore[misc]
+    assert alarm["text"]
+    assert alarm["remedy"]
+    return str(alarm["id"])
+
+
 def wait_for_state(folder: Path, *wanted: str, sent: int = 1) -> dict[str, object]:
     """Watch the job's socket until it is in one of these states with this many bytes sent."""
     sockets = runtime_of(folder) / "dnc"

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.helpers.line import PeerProcess, SendProcess
-from tests.helpers.sending import FAST, checked, program_at, wait_for_state
+from tests.helpers.sending import FAST, checked, only_alarm, program_at, wait_for_state
 
 pytestmark = pytest.mark.system
 
@@ -93,6 +93,7 @@ def test_unplugged_is_exit_5(tmp_path: Path) -> None:
     report = checked(sending.report())
     assert code == report["exit_code"] == 5
     assert report["outcome"] == "FAULTED"
+    assert only_alarm(report) == "DNC-A1"
     assert report["in_doubt"] is not None
     assert "in doubt" in words
     assert "Traceback" not in words
@@ -104,7 +105,8 @@ def test_no_first_xon_is_exit_5(tmp_path: Path) -> None:
     with PeerProcess() as peer, SendProcess(tmp_path, program_at(tmp_path), peer.pty, *options) as sending:
         code, words = sending.finish()
         assert peer.stop()["bytes_received"] == 0
-    assert (code, checked(sending.report())["outcome"]) == (5, "NOT_STARTED")
+    report = checked(sending.report())
+    assert (code, report["outcome"], only_alarm(report)) == (5, "NOT_STARTED", "DNC-C3")
     assert "cycle start" in words
 
 
@@ -128,7 +130,7 @@ def test_hold_timeout_is_exit_5(tmp_path: Path) -> None:
         code, words = sending.finish()
         seen = peer.stop()
     report = checked(sending.report())
-    assert (code, report["outcome"]) == (5, "FAULTED")
+    assert (code, report["outcome"], only_alarm(report)) == (5, "FAULTED", "DNC-L1T")
     assert "--hold-timeout" in words
     assert seen["overrun_bytes"] == 0
 
@@ -140,10 +142,27 @@ def test_reset_and_alarm_are_exit_6(tmp_path: Path, said: tuple[str, int, str]) 
         PeerProcess(baud=38400, say_after_bytes=300, say=said[0]) as peer,
         SendProcess(tmp_path, program_at(tmp_path), peer.pty, FAST) as sending,
     ):
-        code, _ = sending.finish()
+        code, words = sending.finish()
         seen = peer.stop()
-    assert (code, checked(sending.report())["outcome"]) == said[1:]
+    report = checked(sending.report())
+    assert (code, report["outcome"]) == said[1:]
+    assert only_alarm(report) == f"DNC-{'C1' if said[0] == '1316' else 'C2'}"
+    assert "restart at a safe block" in words
+    assert "in doubt from line 1" in words
     assert seen["bytes_received"] <= 600  # type: ignore[operator]
+
+
+def test_what_the_control_says_is_kept_with_the_job(tmp_path: Path) -> None:
+    """(fault C12) As it came, in the job's folder; the job goes on, and the operator's terminal sees none of it."""
+    said = b"LOW OIL\x1b[2J"
+    with (
+        PeerProcess(baud=38400, say_after_bytes=300, say=said.hex(), quiet_s=0.3) as peer,
+        SendProcess(tmp_path, program_at(tmp_path), peer.pty, FAST) as sending,
+    ):
+        code, words = sending.finish()
+    assert (code, checked(sending.report())["noise_bytes"]) == (0, len(said))
+    assert next((tmp_path / "state/dnc/jobs").glob("*/heard")).read_bytes() == said
+    assert "\x1b" not in words
 
 
 def test_m30_that_stops_reading(tmp_path: Path) -> None:
@@ -155,7 +174,7 @@ def test_m30_that_stops_reading(tmp_path: Path) -> None:
     ):
         code, words = sending.finish()
     report = checked(sending.report())
-    assert (code, report["outcome"]) == (0, "SENT")
+    assert (code, report["outcome"], report["alarms"]) == (0, "SENT", [])
     assert "trailer not taken" in words
 
 
