@@ -180,8 +180,7 @@ class SerialPort:
             termios.tcflush(self._fd, termios.TCOFLUSH)
 
     def close(self) -> bool:
-        """Purge and close with a deadline: a dead adapter may block in close."""
-        self.purge()
+        """Close with a deadline: a dead adapter may block. Nothing is purged: the last bytes may be on their way."""
         worker = threading.Thread(target=self._close_quietly, daemon=True)
         worker.start()
         worker.join(2.0)

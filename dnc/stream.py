@@ -186,6 +186,7 @@ class Stream:
         if now_s < self.sender.clock.idle_at_s + _DRAIN_S:
             return False
         self.sender.note = f"the control stopped reading; {queued} bytes were still in the system's queue"
+        self.port.purge()  # close would wait for them
         return True
 
     def _watch_flow(self, now_s: float) -> None:

@@ -165,6 +165,18 @@ def test_settings_that_the_driver_dropped_are_found() -> None:
     )
 
 
+def test_closing_throws_nothing_away(cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """(1.3, 5.5) The last bytes may lie in a queue or a chip when the job is SENT: only a stop in the middle purges."""
+    master, name = cable
+    port = SerialPort(name, Link())
+    flushed: list[int] = []
+    monkeypatch.setattr(termios, "tcflush", lambda _fd, what: flushed.append(what))
+    port.write(b"M30\n")
+    assert port.close()
+    assert flushed == []
+    assert os.read(master, 10) == b"M30\n"
+
+
 def test_a_format_that_the_driver_drops_is_refused(cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch) -> None:
     """(5.4; fault A8) A pty drops 7E2 in silence, as some adapters do; taken for a real port it is found out."""
     monkeypatch.setattr("dnc.port.is_pty", lambda _device: False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import pty
 import threading
@@ -228,6 +229,32 @@ class BrokenPort:
         os.close(self._read)
         os.close(self._write)
         return True
+
+
+class StuckPort(BrokenPort):
+    """A port whose system takes everything and whose control then reads no more."""
+
+    taken_bytes = 0
+
+    def write(self, data: bytes) -> int:
+        self.taken_bytes += len(data)
+        return len(data)
+
+    def queued_bytes(self) -> int:
+        return 0 if self.taken_bytes < len(PROGRAM) else 7
+
+
+def test_what_a_control_no_longer_reads_is_thrown_away(tmp_path: Path) -> None:
+    """(5.4, 5.5; fault A10) SENT with a note; the queue is emptied, for close would wait for it."""
+    port = StuckPort(PortLost(""))
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(1e-9, 64, 0.0, slack=0.0))
+    seconds = itertools.count()
+    stream = Stream(sender, port, NoJournal(), lambda _: None, clock=lambda: float(next(seconds)))  # type: ignore[arg-type]
+    stream.run()
+    assert (sender.state, port.is_purged) == (JobState.SENT, True)
+    assert "7 bytes were still in the system's queue" in sender.note
+    stream.close()
+    port.close()
 
 
 def test_a_lost_port_purges_and_faults(tmp_path: Path) -> None:
