@@ -173,6 +173,21 @@ def test_a_disturbance_ends_a_pause_that_was_asked_for(tmp_path: Path) -> None:
     assert (sender.state, sender.is_cut, sender.is_pausing) == (JobState.PAUSED, True, False)
 
 
+@pytest.mark.parametrize("inflight", range(2, 13))
+def test_no_write_ends_within_the_end(tmp_path: Path, inflight: int) -> None:
+    """(5.4) Whatever a write could take, the last block's end and the closing % are in one."""
+    tape = tape_of(tmp_path, PROGRAM)
+    sender = sender_of(tape, Pace(0.001, inflight, 0.0, slack=0.0))
+    sender.start(0.0)
+    now_s, borders = 0.0, []
+    while sender.offset_bytes < len(PROGRAM):
+        sender.take(1000, now_s)
+        borders.append(sender.offset_bytes)
+        now_s += 0.0001
+    assert tape.end.whole_to - tape.end.whole_from == 2
+    assert tape.end.whole_from + 1 not in borders
+
+
 def test_a_small_room_does_not_tear_the_end(tmp_path: Path) -> None:
     """(5.4) The last block's end waits until the closing % has room with it."""
     sender = sender_of(tape_of(tmp_path, PROGRAM))

@@ -22,7 +22,9 @@ def test_the_bytes_arrive_and_both_ends_agree(tmp_path: Path) -> None:
     """(1.3, 1.7; fault O7) Held a few times, no overrun, same hash at both ends, exit 0, valid report, record kept."""
     program = program_at(tmp_path, 200)
     with (
-        PeerProcess(baud=38400, buffer_bytes=512, eat_bytes_s=3000, quiet_s=0.3) as peer,
+        PeerProcess(
+            baud=38400, buffer_bytes=512, eat_bytes_s=3000, expect_bytes=program.stat().st_size, quiet_s=0.3
+        ) as peer,
         SendProcess(tmp_path, program, peer.pty, FAST) as sending,
     ):
         code, words = sending.finish()
@@ -74,7 +76,10 @@ def test_two_senders_on_one_port(tmp_path: Path) -> None:
     """(1.3, 2.7; faults A4, O1) One job; the second is told by whom the port is used, and disturbs nothing."""
     program = program_at(tmp_path)
     (tmp_path / "second").mkdir()
-    with PeerProcess(quiet_s=0.5) as peer, SendProcess(tmp_path, program, peer.pty) as first:
+    with (
+        PeerProcess(expect_bytes=program.stat().st_size, quiet_s=0.3) as peer,
+        SendProcess(tmp_path, program, peer.pty) as first,
+    ):
         wait_for_state(tmp_path, "SENDING")
         with SendProcess(tmp_path / "second", program, peer.pty) as second:
             code, words = second.finish()
@@ -114,7 +119,7 @@ def test_first_xon_starts(tmp_path: Path) -> None:
     """(5.4)"""
     program = program_at(tmp_path, 20)
     with (
-        PeerProcess(say_first="11", first_delay_s=2.0, quiet_s=0.3, baud=38400) as peer,
+        PeerProcess(say_first="11", first_delay_s=2.0, expect_bytes=program.stat().st_size, baud=38400) as peer,
         SendProcess(tmp_path, program, peer.pty, "--start", "wait-xon", FAST) as sending,
     ):
         assert sending.finish()[0] == 0
@@ -234,7 +239,7 @@ def test_driver_handshake_on_a_pty(tmp_path: Path) -> None:
     """(5.3) The kernel obeys XOFF; the hold is inferred; nothing is lost."""
     program = program_at(tmp_path, 100)
     with (
-        PeerProcess(baud=38400, buffer_bytes=512, eat_bytes_s=1500, quiet_s=0.5) as peer,
+        PeerProcess(baud=38400, buffer_bytes=512, eat_bytes_s=1500, expect_bytes=program.stat().st_size) as peer,
         SendProcess(tmp_path, program, peer.pty, FAST, "--handshake", "driver") as sending,
     ):
         assert sending.finish()[0] == 0

@@ -44,13 +44,13 @@ def test_sigint_stops_purges_and_tells(tmp_path: Path) -> None:
 def test_sigterm_pauses_at_a_block_end(tmp_path: Path) -> None:
     """(1.3; fault H7) Exit 143 within 2 s, no block cut."""
     with (
-        PeerProcess(quiet_s=0.3) as peer,
+        PeerProcess(quiet_s=0) as peer,
         SendProcess(tmp_path, program_at(tmp_path, 300), peer.pty) as sending,
     ):
         wait_for_state(tmp_path, "SENDING", sent=500)
         sending.child.send_signal(signal.SIGTERM)
         code, _ = sending.finish(timeout_s=5)
-        seen = peer.report()
+        seen = peer.stop()
     report = checked(sending.report())
     assert (code, report["outcome"], report["is_block_cut"]) == (143, "PAUSED", False)
     assert seen["bytes_received"] == report["bytes_sent"]
@@ -73,11 +73,11 @@ def test_sigterm_while_held_ends_in_time(tmp_path: Path) -> None:
 def test_sighup_changes_nothing(tmp_path: Path) -> None:
     """(fault O2) A lost terminal is no reason to stop cutting."""
     program = program_at(tmp_path)
-    with PeerProcess(quiet_s=0.5) as peer, SendProcess(tmp_path, program, peer.pty) as sending:
+    with PeerProcess(quiet_s=0) as peer, SendProcess(tmp_path, program, peer.pty) as sending:
         wait_for_state(tmp_path, "SENDING")
         sending.child.send_signal(signal.SIGHUP)
         assert sending.finish()[0] == 0
-        assert peer.report()["bytes_received"] == program.stat().st_size
+        assert peer.stop()["bytes_received"] == program.stat().st_size
 
 
 def test_nothing_typed_at_the_terminal_reaches_the_job(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_nothing_typed_at_the_terminal_reaches_the_job(tmp_path: Path) -> None:
     program = program_at(tmp_path, 150)
     master, slave = pty.openpty()
     with (
-        PeerProcess(baud=38400, quiet_s=0.5) as peer,
+        PeerProcess(baud=38400, expect_bytes=program.stat().st_size, quiet_s=0.3) as peer,
         SendProcess(tmp_path, program, peer.pty, FAST, terminal=slave) as sending,
     ):
         os.close(slave)
@@ -104,11 +104,11 @@ def test_nothing_typed_at_the_terminal_reaches_the_job(tmp_path: Path) -> None:
 
 def test_kill_9_leaves_a_bound(tmp_path: Path) -> None:
     """(decision 8; fault H1) Whatever reached the control lies within the last durable bound."""
-    with PeerProcess(quiet_s=0.5) as peer, SendProcess(tmp_path, program_at(tmp_path, 800), peer.pty) as sending:
+    with PeerProcess(quiet_s=0) as peer, SendProcess(tmp_path, program_at(tmp_path, 800), peer.pty) as sending:
         wait_for_state(tmp_path, "SENDING", sent=700)
         sending.child.kill()
         sending.child.wait(10)
-        seen = peer.report()
+        seen = peer.stop()
     last = read_journal(next((tmp_path / "state/dnc/jobs").glob("*/journal")))[-1]
     assert 700 <= seen["bytes_received"] <= last.bound_bytes  # type: ignore[operator]
     assert last.state.value == "SENDING"
@@ -117,7 +117,7 @@ def test_kill_9_leaves_a_bound(tmp_path: Path) -> None:
 def test_orders_over_the_socket(tmp_path: Path) -> None:
     """(5.7; faults O6, O8) One watcher holds the lease and pauses; another is refused; leaving changes nothing."""
     program = program_at(tmp_path, 100)
-    with PeerProcess(quiet_s=2.0) as peer, SendProcess(tmp_path, program, peer.pty) as sending:
+    with PeerProcess(quiet_s=0) as peer, SendProcess(tmp_path, program, peer.pty) as sending:
         wait_for_state(tmp_path, "SENDING")
         path = str(next((runtime_of(tmp_path) / "dnc").glob("job-*.sock")))
         with socket.socket(socket.AF_UNIX) as one, socket.socket(socket.AF_UNIX) as two:
@@ -134,7 +134,7 @@ def test_orders_over_the_socket(tmp_path: Path) -> None:
             assert ordered(one, "resume")["answer"] == "ok"
             wait_for_state(tmp_path, "SENDING", "SENT")
         assert sending.finish()[0] == 0
-        assert peer.report()["sha256"] == hashlib.sha256(program.read_bytes()).hexdigest()
+        assert peer.stop()["sha256"] == hashlib.sha256(program.read_bytes()).hexdigest()
 
 
 def ordered(watcher: socket.socket, word: str) -> dict[str, object]:

@@ -45,12 +45,12 @@ def test_start_at_a_pass(tmp_path: Path) -> None:
     """(6.8) Header, preamble with Z first and spindle before XY, then exactly the rest of the program."""
     program, record = planned(tmp_path), tmp_path / "heard"
     with (
-        PeerProcess(baud=115200, quiet_s=0.5, record=record) as peer,
+        PeerProcess(baud=115200, quiet_s=0, record=record) as peer,
         SendProcess(tmp_path, program, peer.pty, "--baud=115200", "--start-at", "N15", "--yes") as sending,
     ):
         code, words = sending.finish()
         assert code == 0, words
-        peer.report()
+        peer.stop()
     heard, whole = record.read_bytes(), program.read_bytes()
     rest = whole[whole.index(b"N15 ") :]
     assert heard.startswith(b"%_N_PART_MPF\n")
