@@ -13,6 +13,7 @@ from dnc import alarms
 from dnc.events import Event, Held, JobState, Noise, Resumed, StateChanged
 from dnc.handshake import TABLE, Cause, Heard, Listener, Signal
 from dnc.pacing import ByteClock
+from dnc.portion import next_bytes, wanted_bytes
 from dnc.suspicion import Suspicion
 from dnc.tally import Tally
 from dnc.tape import Tape
@@ -146,10 +147,10 @@ class Sender:
         if self.state is not JobState.SENDING or room_bytes <= 0:
             return b""
         clock = self.clock
-        count = clock.room_bytes(now_s)
-        if count < self._wanted_bytes():
+        count, wanted = clock.room_bytes(now_s), self._wanted_bytes()
+        if count < wanted:
             return b""
-        chunk = self._allowed(min(count, room_bytes))
+        chunk = next_bytes(self.tape, self.offset_bytes, self._stop_at, min(count, room_bytes), wanted)
         if chunk:
             self.offset_bytes += len(chunk)
             self.tally.sent(len(chunk), now_s)
@@ -261,26 +262,7 @@ class Sender:
         return self._since_s + min(waits, default=math.inf)
 
     def _wanted_bytes(self) -> int:
-        """How much room makes the next write worth while: a refill, or all that is left to send."""
-        end = self.tape.end
-        at = self.offset_bytes
-        if at == end.whole_from and end.whole_to - at <= self.clock.pace.inflight_max_bytes:
-            return end.whole_to - at
-        stop = self.tape.size_bytes if self._stop_at is None else self._stop_at
-        if at < end.whole_from < stop:
-            stop = end.whole_from
-        return max(1, min(self.clock.pace.refill_bytes, stop - at))
-
-    def _allowed(self, count: int) -> bytes:
-        """The next bytes, cut where a pause was asked for and before the end that must leave whole."""
-        at, end = self.offset_bytes, self.tape.end
-        if self._stop_at is not None:
-            count = min(count, self._stop_at - at)
-        if at < end.whole_from < at + count < end.whole_to:
-            count = end.whole_from - at
-        elif at == end.whole_from and count < self._wanted_bytes():
-            return b""
-        return self.tape.read(at, count)
+        return wanted_bytes(self.tape, self.offset_bytes, self._stop_at, self.clock.pace)
 
     def _delay_after_block(self, chunk: bytes) -> None:
         if self.tape.block_end[-1:] in chunk:

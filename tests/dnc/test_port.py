@@ -18,7 +18,8 @@ import pytest
 
 from dnc.errors import ExitCode, PortLost, PortUnavailable
 from dnc.locks import UucpLock, lock_name
-from dnc.port import _MODEM, SerialPort, difference, identity_of, parity_table, refused_settings, set_flow_characters
+from dnc.port import _MODEM, SerialPort, identity_of
+from dnc.port_settings import difference, parity_table, refused_settings, set_flow_characters
 from dnc.profile import Link
 
 COARSE_CLOCK = 5
