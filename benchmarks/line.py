@@ -65,6 +65,8 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=12.0, help="length of a window")
     wishes = parser.parse_args()
     cases = [(baud, buffer, fifo) for baud in BAUDS for buffer in BUFFERS for fifo in FIFOS]
+    # There 64 bytes are 0.6 ms of line: no reserve is left that a program could keep.
+    cases = [case for case in cases if case[:2] != (1152000, 64)]
     if wishes.quick:
         cases, wishes.seconds = [(9600, 64, 4096), (38400, 512, 16), (115200, 4096, 4096)], 5.0
     names = ("baud", "buffer", "FIFO", "stops", "measured", "overshoot median", "max", "worst of all")
