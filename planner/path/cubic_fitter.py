@@ -12,9 +12,10 @@ from planner.path.free_fit import PLACES, Fit, places_in, start_fit, step
 from planner.path.gauss_newton import improve
 from planner.path.model import Array, PlaneSpline
 from planner.path.plane_spline import Index
-from planner.path.span_search import Candidate, Start
+from planner.path.span_search import Candidate, Start, halved_where_worst
 
-PATIENCE = 5
+MOST_FRESH = 6
+HASTE = 5
 
 
 class CubicFitter:
@@ -23,6 +24,7 @@ class CubicFitter:
     def __init__(self, curves: Sequence[ExactCurve]) -> None:
         self._table = CurveTable(curves)
         self.count = len(curves)
+        self.most_fresh = MOST_FRESH
 
     def fresh(self, asked: dict[int, int]) -> dict[int, Start]:
         """Knots crowded where the curvature changes, the arc length as parameter."""
@@ -34,10 +36,10 @@ class CubicFitter:
 
     def opened(self, candidate: Candidate) -> Start:
         """The candidate's parametrisation with one more knot, in the middle of the span where it is worst."""
-        joints, at = candidate.start.joints, candidate.worst
-        more = np.insert(joints, at + 1, 0.5 * (joints[at] + joints[at + 1]))
-        feet = np.interp(_places(more).T.ravel(), _places(joints).T.ravel(), candidate.start.feet.T.ravel())
-        return Start(more, feet.reshape(-1, PLACES).T)
+        joints = halved_where_worst(candidate)
+        before = _places(candidate.start.joints).T.ravel()
+        feet = np.interp(_places(joints).T.ravel(), before, candidate.start.feet.T.ravel())
+        return Start(joints, feet.reshape(-1, PLACES).T)
 
     def fit(self, rows: Index, starts: list[Start], powers: Array, targets_mm: Array) -> list[Candidate]:
         """Gauss-Newton from these starts."""
@@ -46,7 +48,9 @@ class CubicFitter:
         feet = [start.feet * length for start, length in zip(starts, lengths_mm, strict=True)]
         fit = start_fit(self._table, rows, knots, np.concatenate(feet, axis=1))
         stepping = partial(_step_of, self._table, rows)
-        fit = improve(fit, stepping, powers=powers, targets_mm=targets_mm, patience=PATIENCE)
+        # What will not do with few spans shows early; with many it takes every step.
+        patience = HASTE if max(start.spans for start in starts) <= MOST_FRESH else len(powers)
+        fit = improve(fit, stepping, powers=powers, targets_mm=targets_mm, patience=patience)
         return [_candidate(fit, at) for at in range(len(rows))]
 
 
@@ -66,6 +70,5 @@ def _places(joints: Array) -> Array:
 def _candidate(fit: Fit, at: int) -> Candidate:
     knots, control_points = fit.spline(at)
     spans = slice(fit.index.firsts[at], fit.index.lasts[at] + 1)
-    worst = int(np.abs(fit.distance[:, spans]).max(axis=0).argmax())
     start = Start(knots[3:-3] / knots[-1], fit.arcs[:, spans] / knots[-1])
-    return Candidate(start, PlaneSpline(3, knots, control_points), float(fit.errors_mm[at]), worst)
+    return Candidate(start, PlaneSpline(3, knots, control_points), np.abs(fit.distance[:, spans]).max(axis=0))

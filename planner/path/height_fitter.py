@@ -13,8 +13,9 @@ from planner.path.height_fit import HeightFit, start_heights, step
 from planner.path.height_table import HeightTable
 from planner.path.model import Array
 from planner.path.plane_spline import Index
-from planner.path.span_search import Candidate, Start
+from planner.path.span_search import Candidate, Start, halved_where_worst
 
+MOST_FRESH = 400
 SPREADINGS = 8
 EASIEST = 0.02  # of the mean error of a row's spans
 _NO_FEET = np.zeros((0, 0))
@@ -26,9 +27,12 @@ class HeightFitter:
     def __init__(self, curves: Sequence[ExactCurve]) -> None:
         self._table = HeightTable(curves)
         self.count = len(curves)
+        self.most_fresh = MOST_FRESH
 
     def fresh(self, asked: dict[int, int]) -> dict[int, Start]:
         """Joints moved together and apart until interpolation errs alike in every span, (F21)."""
+        if not asked:
+            return {}
         rows = np.array(list(asked), np.intp)
         shares = [np.linspace(0.0, 1.0, spans + 1) for spans in asked.values()]
         for _ in range(SPREADINGS):
@@ -39,8 +43,7 @@ class HeightFitter:
 
     def opened(self, candidate: Candidate) -> Start:
         """The candidate with one more joint, in the middle of the span where it is worst."""
-        joints, at = candidate.start.joints, candidate.worst
-        return Start(np.insert(joints, at + 1, 0.5 * (joints[at] + joints[at + 1])), _NO_FEET)
+        return Start(halved_where_worst(candidate), _NO_FEET)
 
     def fit(self, rows: Index, starts: list[Start], powers: Array, targets_mm: Array) -> list[Candidate]:
         """Gauss-Newton from these starts."""
@@ -57,9 +60,8 @@ class HeightFitter:
     def _candidate(self, fit: HeightFit, at: int, row: int) -> Candidate:
         begin, end = self._table.begins[row], self._table.ends[row]
         spans = slice(fit.index.firsts[at], fit.index.lasts[at] + 1)
-        worst = int(np.abs(fit.distance[:, spans]).max(axis=0).argmax())
         start = Start((fit.joints_of(at) - begin) / (end - begin), _NO_FEET)
-        return Candidate(start, fit.spline(at), float(fit.errors_mm[at]), worst)
+        return Candidate(start, fit.spline(at), np.abs(fit.distance[:, spans]).max(axis=0))
 
 
 def _step_of(

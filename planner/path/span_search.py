@@ -49,13 +49,17 @@ class Start:
 class Candidate:
     """One spline for one curve, and where an iteration would start that begins with it.
 
-    `error_mm` is the largest distance at the places, `worst` the span where it is.
+    `errors_mm` (spans,) are the largest distances at the places of each span, `error_mm` the largest of all.
     """
 
     start: Start
     spline: PlaneSpline
-    error_mm: float
-    worst: int
+    errors_mm: Array
+
+    @property
+    def error_mm(self) -> float:
+        """The largest distance at the places."""
+        return float(self.errors_mm.max())
 
     @property
     def spans(self) -> int:
@@ -73,8 +77,12 @@ class Fitter(Protocol):
     def fresh(self, asked: dict[int, int]) -> dict[int, Start]:
         """For these curves, starts with so many spans that know nothing but the curve."""
 
+    @property
+    def most_fresh(self) -> int:
+        """Up to how many spans a fresh start finds what can be found; beyond it, one grown from fewer spans does."""
+
     def opened(self, candidate: Candidate) -> Start:
-        """The candidate with one more joint, where it is worst."""
+        """The candidate with one more joint, in the middle of the span where it is worst."""
 
     def fit(self, rows: Index, starts: list[Start], powers: Array, targets_mm: Array) -> list[Candidate]:
         """Iterate from these starts, until the targets (p,) are reached."""
@@ -102,22 +110,28 @@ class SpanSearch:
         self._share()
 
     def from_scratch(self, asked: dict[int, int]) -> None:
-        """Rising numbers of spans from those asked, each without a neighbour, until the tolerance is kept."""
+        """Rising numbers of spans from those asked, until the tolerance is kept, and then fewer that were skipped.
+
+        Small numbers from starts that know nothing but the curve; larger ones grow from the best with one span less.
+        """
         tried = {row: spans - 1 for row, spans in asked.items()}
-        while asked:
-            got = self._fit(self._fitter.fresh(asked), FROM_SCRATCH)
-            following: dict[int, int] = {}
+        trial = self._fitter.fresh(asked)
+        while trial:
+            fresh: dict[int, int] = {}
+            trial, got = {}, self._fit(trial, FROM_SCRATCH)
             for row, candidate in got.items():
                 if self._accept(row, candidate):
                     if tried[row] < candidate.spans - 1:
-                        following[row] = candidate.spans - 1
-                elif row not in self.found:
-                    tried[row] = candidate.spans
-                    if candidate.spans >= self._most_spans:
-                        self.found[row], self.ends[row] = candidate, SearchEnd.TOO_MANY_SPANS
-                    else:
-                        following[row] = self._more(row, candidate)
-            asked = following
+                        fresh[row] = candidate.spans - 1
+                    continue
+                tried[row] = candidate.spans
+                if candidate.spans >= self._most_spans:
+                    self.found[row], self.ends[row] = candidate, SearchEnd.TOO_MANY_SPANS
+                elif candidate.spans < self._fitter.most_fresh:
+                    fresh[row] = self._more(row, candidate)
+                else:
+                    trial[row] = self._fitter.opened(candidate)
+            trial |= self._fitter.fresh(fresh)
 
     def tighten(self, shares: dict[int, float]) -> None:
         """Search these curves again for a smaller error at the nodes, with the same spans or with more."""
@@ -130,7 +144,8 @@ class SpanSearch:
     def _more(self, row: int, candidate: Candidate) -> int:
         """The next number of spans: the sixth-order guess, kept a little low so as not to miss the fewest."""
         guess = candidate.spans * (candidate.error_mm / self._aims_mm[row]) ** (1 / 6)
-        return int(min(max(candidate.spans + 1, 0.8 * guess), 4 * candidate.spans, self._most_spans))
+        most = min(4 * candidate.spans, self._fitter.most_fresh, self._most_spans)
+        return int(min(max(candidate.spans + 1, 0.8 * guess), most))
 
     def _follow(self, rows: Sequence[int]) -> None:
         """Start each curve from its fitted neighbours; where that fails, add knots."""
@@ -186,3 +201,9 @@ class SpanSearch:
             got = self._fitter.fit(batch, [starts[row] for row in batch], powers, self._aims_mm[batch])
             done.update(zip(batch.tolist(), got, strict=True))
         return done
+
+
+def halved_where_worst(candidate: Candidate) -> Array:
+    """The joints with one more in the middle of the worst span."""
+    joints, at = candidate.start.joints, int(candidate.errors_mm.argmax())
+    return np.insert(joints, at + 1, 0.5 * (joints[at] + joints[at + 1]))
