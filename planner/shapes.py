@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.errors import InputRejected
 from planner.path.arcs import arc_chain
-from planner.path.chord import paper_spline
+from planner.path.chord import paper_spline_within
 from planner.path.model import Method, Pass
 from planner.path.polyline import lean_polyline
 from planner.path.slope_range import patch_table
@@ -57,18 +57,14 @@ def shape_passes(curves: Sequence[TracedCurve], kind: Kind, path_mm: float, radi
     return passes
 
 
-def _paper_pass(
-    curve: TracedCurve, tolerance_mm: float, radius_mm: float, table: SlopeTable | None, steps: int = 60
-) -> Pass:
+def _paper_pass(curve: TracedCurve, tolerance_mm: float, radius_mm: float, table: SlopeTable | None) -> Pass:
     """Lartigue's break points, closer together until the checked deviation keeps the tolerance."""
-    asked_mm = tolerance_mm
-    for _ in range(steps):
-        fit, break_points = paper_spline(curve, asked_mm, radius_mm, table=table)
-        if fit.deviation_mm <= tolerance_mm:
-            return Pass(curve.plane, fit.spline, fit.deviation_mm, fit.method, break_points, curve.length_mm)
-        asked_mm *= 0.7
-    what = f"the paper's rule does not reach {tolerance_mm:g} mm at {curve.plane.offset_mm:.3f} mm"
-    raise InputRejected(what, remedy='use fit = "free"')
+    found = paper_spline_within(curve, tolerance_mm, radius_mm, table)
+    if found is None:
+        what = f"the paper's rule does not reach {tolerance_mm:g} mm at {curve.plane.offset_mm:.3f} mm"
+        raise InputRejected(what, remedy='use fit = "free"')
+    fit, break_points = found
+    return Pass(curve.plane, fit.spline, fit.deviation_mm, fit.method, break_points, curve.length_mm)
 
 
 _NONE = np.zeros((0, 2))

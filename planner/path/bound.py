@@ -85,11 +85,8 @@ def certify_all(
 def _bounds(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline], source: SlopeSource) -> Array:
     """Bounds (p,), mm, with nodes added where they make a bound smaller."""
     table = SplineTable(splines)
-    rows = np.repeat(np.arange(len(curves)), [curve.arc_mm.size for curve in curves])
-    arc = np.concatenate([curve.arc_mm - curve.arc_mm[0] for curve in curves])
-    known = Exact(*(np.concatenate([getattr(curve, field.name) for curve in curves]) for field in fields(Exact)))
-    marks = _mark(table, rows, arc, table.parameters_at(rows, arc), known)
-    first = np.flatnonzero(np.diff(rows) == 0)
+    marks = _mark_nodes(table, curves)
+    first = np.flatnonzero(np.diff(marks.rows) == 0)
     left, right = marks.take(first), marks.take(first + 1)
     total, highest = _end_gaps(table, curves), np.zeros(len(curves))
     for turn in range(ROUNDS + 1):
@@ -107,6 +104,22 @@ def _bounds(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline], source
         middle = _mark(table, left.rows, arc, 0.5 * (left.feet + right.feet), exact_at(curves, left.rows, arc))
         left, right = left.joined(middle), middle.joined(right)
     return total
+
+
+def node_distances(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline]) -> Array:
+    """The largest distance (p,), mm, of each curve's own nodes from its spline: no bound, but quickly had."""
+    marks = _mark_nodes(SplineTable(splines), curves)
+    largest = np.zeros(len(curves))
+    np.maximum.at(largest, marks.rows, np.abs(marks.height))
+    return largest
+
+
+def _mark_nodes(table: SplineTable, curves: Sequence[ExactCurve]) -> _Marks:
+    """Marks at the curves' own nodes."""
+    rows = np.repeat(np.arange(len(curves)), [curve.arc_mm.size for curve in curves])
+    arc = np.concatenate([curve.arc_mm - curve.arc_mm[0] for curve in curves])
+    known = Exact(*(np.concatenate([getattr(curve, field.name) for curve in curves]) for field in fields(Exact)))
+    return _mark(table, rows, arc, table.parameters_at(rows, arc), known)
 
 
 def _mark(table: SplineTable, rows: Index, arc_mm: Array, near: Array, exact: Exact) -> _Marks:

@@ -9,7 +9,7 @@ from enum import Enum
 
 import numpy as np
 
-from planner.path.bound import certify_all
+from planner.path.bound import certify_all, node_distances
 from planner.path.curve import ExactCurve
 from planner.path.model import Array, PlaneSpline
 from planner.path.plane_spline import basis, find_spans
@@ -56,11 +56,36 @@ def paper_spline(
     The rule does not keep its tolerance: `deviation_mm` says what it really reaches. `table` is the patch's, where
     many curves of one patch are fitted in turn.
     """
+    spline, points = through_break_points(curve, tolerance_mm, radius_mm, ends)
+    ((deviation_mm, method),) = certify_all([curve], [spline], table)
+    return FittedSpline(spline, deviation_mm, method), points
+
+
+def paper_spline_within(
+    curve: ExactCurve, tolerance_mm: float, radius_mm: float, table: SlopeTable | None, steps: int = 60
+) -> tuple[FittedSpline, Array] | None:
+    """The same with break points closer and closer together until the bound keeps the tolerance; None if it never does.
+
+    Only what keeps it at the curve's own nodes is worth a proof.
+    """
+    asked_mm = tolerance_mm
+    for _ in range(steps):
+        spline, points = through_break_points(curve, asked_mm, radius_mm, EndRule.TANGENT)
+        if node_distances([curve], [spline])[0] <= tolerance_mm:
+            ((deviation_mm, method),) = certify_all([curve], [spline], table)
+            if deviation_mm <= tolerance_mm:
+                return FittedSpline(spline, deviation_mm, method), points
+        asked_mm *= 0.7
+    return None
+
+
+def through_break_points(
+    curve: ExactCurve, tolerance_mm: float, radius_mm: float, ends: EndRule
+) -> tuple[PlaneSpline, Array]:
+    """The cubic B-spline through the break points, its parameter the arc length, and the break points (k, 2)."""
     arc = paper_break_points(curve, tolerance_mm, radius_mm)
     samples = curve.refine(arc)
-    spline = interpolate(arc - arc[0], samples.points, samples.tangents[[0, -1]], ends)
-    ((deviation_mm, method),) = certify_all([curve], [spline], table)
-    return FittedSpline(spline, deviation_mm, method), samples.points
+    return interpolate(arc - arc[0], samples.points, samples.tangents[[0, -1]], ends), samples.points
 
 
 def interpolate(parameters: Array, points: Array, end_tangents: Array, ends: EndRule) -> PlaneSpline:

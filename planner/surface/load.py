@@ -20,6 +20,7 @@ from planner.surface.patch import NurbsPatch
 Array = NDArray[np.float64]
 Degree = Annotated[int, Meta(ge=1, le=9)]
 MAX_COORDINATE_MM = 100_000.0  # no mill of this kind reaches further, and a slip of the unit does
+FEW_BRACKETS = 100  # around whole arrays and patches
 MAX_CONTROL_POINTS = 250_000  # 16 coefficients of 3 doubles each: 100 MB
 
 
@@ -46,6 +47,10 @@ class SurfaceFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def load_surface(path: Path) -> tuple[NurbsPatch, ...]:
     """The patches of a surface file; raises InputRejected with file, line and remedy for what cannot be a surface."""
+    # A row holds two points or more and at most one row of weights, so half the brackets are points at least.
+    if tomlfile.read_text(path).count("[") > 2 * MAX_CONTROL_POINTS + FEW_BRACKETS:
+        what = f"has more than {MAX_CONTROL_POINTS} control points"
+        raise InputRejected(what, path=path, remedy="split the surface into files")
     found, lines = tomlfile.load(path, SurfaceFile)
     if found.patch and found.degree is not None:
         raise InputRejected("has both [[patch]] tables and a patch at the top", path=path, remedy="keep one of them")

@@ -75,3 +75,14 @@ def test_a_bad_surface_is_one_sentence(tmp_path: Path, old: str, new: str, line:
 def test_an_empty_grid_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputRejected):
         load_surface(write(tmp_path, GOOD[: GOOD.index("control_points")] + "control_points = []\n"))
+
+
+def test_a_million_control_points_are_refused_before_they_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """(4.7) The sentence comes at once: the file is counted, not parsed."""
+    row = "[" + "[0, 0, 0]," * 1000 + "],\n"
+    path = write(tmp_path, "degree = [1, 1]\ncontrol_points = [\n" + row * 1000 + "]\n")
+    monkeypatch.setattr("tomllib.loads", lambda text: pytest.fail("was parsed"))
+    with pytest.raises(InputRejected, match="more than 250000 control points; split"):
+        load_surface(path)
