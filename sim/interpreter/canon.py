@@ -11,30 +11,28 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 Vector = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class Command(msgspec.Struct, frozen=True, gc=False):
     """What every canonical command carries."""
 
     line: int
     block: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class Rapid(Command):
+class Rapid(Command, frozen=True, gc=False):
     """Move all axes to `end` as fast as they go; the path between is not defined (it may dog-leg)."""
 
     start: Vector
     end: Vector
 
 
-@dataclass(frozen=True, slots=True)
-class Line(Command):
+class Line(Command, frozen=True, gc=False):
     """Cut straight from `start` to `end`."""
 
     start: Vector
@@ -93,8 +91,7 @@ class LineRun:
             start = end
 
 
-@dataclass(frozen=True, slots=True)
-class Arc(Command):
+class Arc(Command, frozen=True, gc=False):
     """Cut about `centre`, turning about `axis` (unit, right hand) through `sweep_rad` (> 0); helical along `axis`."""
 
     start: Vector
@@ -105,8 +102,7 @@ class Arc(Command):
     feed_mm_min: float
 
 
-@dataclass(frozen=True, slots=True)
-class Polynomial(Command):
+class Polynomial(Command, frozen=True, gc=False):
     """Cut along c(p) = sum coefficients[k] p^k / sum denominator[k] p^k, p from 0 to `length`.
 
     `coefficients` are vectors, lowest power first, so coefficients[0] is `start`; `denominator` is (1.0,) when the
@@ -130,90 +126,77 @@ class PathMode(Enum):
     ROUNDING_TOLERANCE = "G642"
 
 
-@dataclass(frozen=True, slots=True)
-class SetPathMode(Command):
+class SetPathMode(Command, frozen=True, gc=False):
     """From here on blocks join like this; `tolerance_mm` is the rounding distance or tolerance, or None."""
 
     mode: PathMode
     tolerance_mm: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class ExactStopOnce(Command):
+class ExactStopOnce(Command, frozen=True, gc=False):
     """The move that follows ends with an exact stop (G9)."""
 
 
-@dataclass(frozen=True, slots=True)
-class SetJerkLimit(Command):
+class SetJerkLimit(Command, frozen=True, gc=False):
     """SOFT (True), BRISK (False)."""
 
     is_limited: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Dwell(Command):
+class Dwell(Command, frozen=True, gc=False):
     """Stand still for this time."""
 
     time_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class SelectTool(Command):
+class SelectTool(Command, frozen=True, gc=False):
     """Tool `number` is made ready (T)."""
 
     number: int
 
 
-@dataclass(frozen=True, slots=True)
-class ChangeTool(Command):
+class ChangeTool(Command, frozen=True, gc=False):
     """Tool `number` is in the spindle (M6, or T alone where the machine has no changer)."""
 
     number: int
 
 
-@dataclass(frozen=True, slots=True)
-class SelectEdge(Command):
+class SelectEdge(Command, frozen=True, gc=False):
     """Cutting edge D; 0 switches the offsets of the tool off."""
 
     number: int
 
 
-@dataclass(frozen=True, slots=True)
-class Spindle(Command):
+class Spindle(Command, frozen=True, gc=False):
     """Spindle speed, 1/min: > 0 clockwise (M3), < 0 counter-clockwise (M4), 0 stopped (M5)."""
 
     speed_rpm: float
 
 
-@dataclass(frozen=True, slots=True)
-class Coolant(Command):
+class Coolant(Command, frozen=True, gc=False):
     """Coolant outlets on or off."""
 
     is_flood: bool
     is_mist: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Message(Command):
+class Message(Command, frozen=True, gc=False):
     """Text for the operator; empty deletes it."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Stop(Command):
+class Stop(Command, frozen=True, gc=False):
     """Program stop: M0, or M1 when `is_optional`."""
 
     is_optional: bool
 
 
-@dataclass(frozen=True, slots=True)
-class End(Command):
+class End(Command, frozen=True, gc=False):
     """Program end (M2, M30)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Alarm(Command):
+class Alarm(Command, frozen=True, gc=False):
     """The control refuses the block and stops; `number` as the control names it, `text` one sentence."""
 
     number: int

@@ -8,7 +8,9 @@ first and last point stand square to the contour. Moves square to the plane keep
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+from msgspec.structs import replace
 
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.canon import Arc, Line, Motion, Polynomial, Rapid, Vector

@@ -50,6 +50,7 @@ class Interpreter:
         self._executor = Executor(self._settings, self._state, self._variables, self._outlet, self._subprograms.require)
         self._line = 0
         self._number: int | None = None
+        self._read: tuple[bytes, Block | None] = (b"", None)
 
     @property
     def state(self) -> State:
@@ -111,11 +112,12 @@ class Interpreter:
         if last is not None:
             self._state.position_mm, self._state.last_motion = last.end, last
 
-    def block(self, raw: bytes, line: int) -> list[canon.Command]:
-        """The commands that this block decides. `line` counts from 1."""
+    def block(self, raw: bytes, line: int, read: Block | None = None) -> list[canon.Command]:
+        """The commands that this block decides. `line` counts from 1; `read` is the block, if somebody has read it."""
         if self._state.is_ended:
             return []
         self._received.add(raw, line)
+        self._read = (raw, read)
         return list(self.advance())
 
     def advance(self) -> Iterator[canon.Command]:
@@ -179,7 +181,8 @@ class Interpreter:
             if not self._flow.look(level, index, block):
                 return
         self._flow.count_block(level, index)
-        block = read_block(raw.decode("latin-1"), self._line)
+        text, read = self._read
+        block = read if read is not None and raw is text else read_block(raw.decode("latin-1"), self._line)
         if level.is_main:
             self._number = block.number
         else:

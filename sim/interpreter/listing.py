@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from enum import Enum
 
@@ -17,7 +16,7 @@ def listed(command: Command, decimals: int = 6) -> str:
     '3 N10 Line (0 0 0) (1.5 0 2) 250'
     """
     number = "-" if command.block is None else f"N{command.block}"
-    names = [one.name for one in dataclasses.fields(command) if one.name not in ("line", "block")]
+    names = [name for name in command.__struct_fields__ if name not in ("line", "block")]
     values = " ".join(_shown(getattr(command, name), decimals) for name in names)
     return f"{command.line} {number} {type(command).__name__} {values}".rstrip()
 

@@ -28,6 +28,8 @@ MIDDLES = {"I1": 0, "J1": 1, "K1": 2}
 MACHINE_AXES = {"X1": 0, "Y1": 1, "Z1": 2}
 NUMBERS = frozenset(["F", "S", "T", "D", "L", "P", "CR", "AR", "TURN", "RPL", "PL", "PW", "SD", "ADIS", "CTOL", "FP"])
 LARGEST = 1e9
+_NUMBERS_OF_MOVES = frozenset(["F", "PL", "PW"])
+_CODES_OF_MOVES = frozenset([ModalGroup.MOTION, ModalGroup.EXACT_STOP_ONCE])
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +79,11 @@ class Request:
 
     @property
     def is_bare_move(self) -> bool:
-        """Whether the block holds a motion code, dimensions and a feed at most."""
+        """Whether the block holds a motion code, G9, dimensions, a feed and what belongs to a curve at most."""
         return (
             not (self.m_codes or self.calls or self.tool_name)
-            and (not self.codes or (len(self.codes) == 1 and ModalGroup.MOTION in self.codes))
-            and (not self.numbers or (len(self.numbers) == 1 and "F" in self.numbers))
+            and self.codes.keys() <= _CODES_OF_MOVES
+            and self.numbers.keys() <= _NUMBERS_OF_MOVES
         )
 
     def leftover(self) -> tuple[str, int] | None:

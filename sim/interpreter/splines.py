@@ -34,9 +34,10 @@ def bspline_span(points: Sequence[Vector], weights: Sequence[float], knots: Sequ
     left, right = knots[degree - 1], knots[degree]
     length = right - left
     is_rational = any(weight != 1.0 for weight in weights)
+    shares = _shares(knots, degree)
     columns = [[point[axis] * weight for point, weight in zip(points, weights, strict=True)] for axis in range(3)]
-    bezier = [_bezier(column, knots, degree) for column in columns]
-    last = _bezier(list(weights), knots, degree) if is_rational else [1.0] * (degree + 1)
+    bezier = [_bezier(column, shares) for column in columns]
+    last = _bezier(list(weights), shares) if is_rational else [1.0] * (degree + 1)
     powers = [_powers(column, length, last[0]) for column in bezier]
     coefficients = tuple((powers[0][k], powers[1][k], powers[2][k]) for k in range(degree + 1))
     denominator = tuple(_powers(last, length, last[0])) if is_rational else (1.0,)
@@ -44,23 +45,34 @@ def bspline_span(points: Sequence[Vector], weights: Sequence[float], knots: Sequ
     return Curve(coefficients, denominator, length, end)
 
 
-def _bezier(values: list[float], knots: Sequence[float], degree: int) -> list[float]:
-    """Bezier values of the span: the blossom at `degree - k` times the left end and k times the right."""
+Shares = list[list[list[float]]]
+
+
+def _shares(knots: Sequence[float], degree: int) -> Shares:
+    """How each step of the blossoms at `degree - k` times the left end and k times the right divides its intervals."""
     found = []
     for k in range(degree + 1):
-        row = values
+        steps = []
         for step in range(1, degree + 1):
             at = knots[degree] if step <= k else knots[degree - 1]
-            row = [
-                _between(row[i], row[i + 1], knots[i + step - 1], knots[i + degree], at) for i in range(len(row) - 1)
-            ]
-        found.append(row[0])
+            ends = ((knots[i + step - 1], knots[i + degree]) for i in range(degree + 1 - step))
+            steps.append([(at - left) / (right - left) for left, right in ends])
+        found.append(steps)
     return found
 
 
-def _between(a: float, b: float, left: float, right: float, at: float) -> float:
-    share = (at - left) / (right - left)
-    return a if share == 0.0 else b if share == 1.0 else (1.0 - share) * a + share * b
+def _bezier(values: list[float], shares: Shares) -> list[float]:
+    """Bezier values of the span: its blossoms, one for each k."""
+    found = []
+    for steps in shares:
+        row = values
+        for step in steps:
+            row = [
+                a if share == 0.0 else b if share == 1.0 else (1.0 - share) * a + share * b
+                for a, b, share in zip(row, row[1:], step, strict=False)
+            ]
+        found.append(row[0])
+    return found
 
 
 def _powers(bezier: list[float], length: float, unit: float) -> list[float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import msgspec
 import pytest
 
 from dnc.errors import InputRejected
@@ -42,7 +43,7 @@ def run_from(data: bytes, point, settings: Settings | None = None) -> tuple[list
 
 
 def bare(command: canon.Command) -> canon.Command:
-    return dataclasses.replace(command, line=0, block=None)
+    return msgspec.structs.replace(command, line=0, block=None)
 
 
 @pytest.mark.parametrize("blocks", ["poly", "linear"])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
+import msgspec
 import pytest
 from click.testing import CliRunner
 
@@ -36,7 +36,7 @@ def cuts(data: bytes) -> list[canon.Command]:
     found = list(interpret(data))
     assert isinstance(found[-1], canon.End)
     kinds = (canon.Line, canon.Polynomial)
-    return [dataclasses.replace(one, line=0, block=None) for one in found if isinstance(one, kinds)]
+    return [msgspec.structs.replace(one, line=0, block=None) for one in found if isinstance(one, kinds)]
 
 
 @pytest.mark.parametrize("blocks", ["poly", "bspline"])
