@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dnc.check.finding import Finding, Severity
-from dnc.check.track import Limits, length
+from dnc.check.track import Limits
 from dnc.profile import Link
 from sim.interpreter import canon
 
@@ -108,15 +108,15 @@ def run_times_ns(lengths_mm: NDArray[np.float64], feeds_mm_min: NDArray[np.float
     return np.rint(60.0 * lengths_mm / feeds_mm_min * _NS).astype(np.int64)
 
 
-def move_time_s(command: canon.Command, limits: Limits) -> float:
-    """The least time a command can take."""
+def move_time_s(command: canon.Command, limits: Limits, length_mm: float) -> float:
+    """The least time a command can take; `length_mm` is that of a feed move."""
     match command:
         case canon.Rapid():
             axes = limits.profile.axes
             ways = zip("XYZ", command.start, command.end, strict=True)
             return max(60.0 * abs(end - start) / axes[name].rapid_mm_min for name, start, end in ways)  # type: ignore[index]
         case canon.Line() | canon.Arc() | canon.Polynomial():
-            return 60.0 * length(command) / command.feed_mm_min
+            return 60.0 * length_mm / command.feed_mm_min
         case canon.Dwell(time_s=time_s):
             return time_s
         case _:

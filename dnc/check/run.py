@@ -28,7 +28,7 @@ from dnc.check.program_rules import END_RULES, not_checked, wrong_stamp
 from dnc.check.rate import RateWindow, move_time_s, rate_findings, whole_ns
 from dnc.check.text_rules import LINE_RULES, UTF8_MARK, UTF16_MARKS, allowed_lines, encoding_mark, is_clean
 from dnc.check.track import Limits, Track
-from dnc.check.word_rules import BLOCK_RULES, NUMBER_RULES, idle_words, iso_comment
+from dnc.check.word_rules import BLOCK_RULES, IDLE_CODES, NUMBER_RULES, idle_words, iso_comment
 from dnc.control_side import settings_of
 from dnc.errors import InputRejected
 from dnc.restart import resumed_interpreter
@@ -42,7 +42,9 @@ from sim.interpreter.settings import Settings
 
 _LINE_LIMIT_BYTES = 65536
 _STAMP_LINES = 10
-_PLAIN = re.compile(rb"(?:N(\d{1,8}) ?)?(G0?1 ?)?(?:[XYZF]-?(?:\d+\.?\d*|\.\d+) ?)+")
+_NUMBER = rb"-?(?:\d+\.?\d*|\.\d+)"
+_WORDS = rb"(?:[XYZF]%b|PO\[[XYZ]\]=\((?:%b,)*%b\)) ?" % (_NUMBER, _NUMBER, _NUMBER)
+_PLAIN = re.compile(rb"(?:N(\d{1,8}) ?)?(?:G0?([01]) ?(?:G9 ?)?|(POLY) )?(?:%b)+(PL=%b ?)?" % (_WORDS, _NUMBER))
 _MOST_ALARMS = 100
 _MOST_SIZES = 10_000
 _CHUNK_BYTES = 1 << 18
@@ -77,16 +79,15 @@ class Check:
             if stamp is not None:
                 self._add(wrong_stamp(stamp, number, self.limits), number, None)
         body = raw.rstrip(b"\r\n").removeprefix(UTF8_MARK)
-        if not self._plain(body, number):
-            self._block(body, number)
+        block = None if self._plain(body, number) else self._block(body, number)
         if self._interpreter is None:
             return
         self._note_size(number, len(raw))
-        commands = self._interpreter.block(body, number)
+        commands = self._interpreter.block(body, number, block)
         if commands:
             self._commands(commands)
-        elif self._interpreter.modal.compensation == "G40":
-            self._idle(body, number)  # otherwise the move waits for the next
+        elif self._interpreter.modal.compensation == "G40" and self.track.motion_code in IDLE_CODES:
+            self._idle(block or _read(body, number))  # otherwise the move waits for the next
 
     def chunk(self, data: bytes, first_line: int) -> int:
         """Check whole lines, those with plain blocks in bulk where that gives the same; the number of the next line."""
@@ -166,34 +167,32 @@ class Check:
     def _plain(self, body: bytes, line: int) -> bool:
         """A block of plain coordinates, which only its number can make wrong; False for any other."""
         found = _PLAIN.fullmatch(body)
-        if found is None or self.track.motion_code == "BSPLINE":
-            return False
+        code = None if found is None else f"G{found[2].decode()}" if found[2] else "POLY" if found[3] else None
+        if found is None or (code is not None and self.track.motion_code == "BSPLINE"):
+            return False  # a code ends the spline, and then there are rules
         number = int(found[1]) if found[1] else None
         if number is not None:
             block = Block(line, number)
             for rule in NUMBER_RULES:
                 self._add(rule(block, self.track), line, number)
-        self.track.see_plain(number, line, is_cut=found[2] is not None)
+        self.track.see_plain(number, line, code, has_length=found[4] is not None)
         return True
 
-    def _block(self, body: bytes, number: int) -> None:
-        text = body.decode("latin-1")
-        try:
-            block = read_block(text, number)
-        except SyntaxProblem:
-            self._add(iso_comment(text, number), number, None)
-            return  # otherwise the interpreter tells it, as an alarm
+    def _block(self, body: bytes, number: int) -> Block | None:
+        """The block, past the rules for blocks; None where it cannot be read."""
+        block = _read(body, number)
+        if block is None:
+            self._add(iso_comment(body.decode("latin-1"), number), number, None)
+            return None  # otherwise the interpreter tells it, as an alarm
         for rule in BLOCK_RULES:
             self._add(rule(block, self.track), number, block.number)
         self.track.see_block(block)
+        return block
 
-    def _idle(self, body: bytes, number: int) -> None:
+    def _idle(self, block: Block | None) -> None:
         """A block that gave no command: perhaps coordinates of where the tool stands."""
-        try:
-            block = read_block(body.decode("latin-1"), number)
-        except SyntaxProblem:
-            return
-        self._add(idle_words(block, self.track), number, block.number)
+        if block is not None:
+            self._add(idle_words(block, self.track), block.line, block.number)
 
     def _commands(self, commands: list[canon.Command]) -> None:
         for command in commands:
@@ -219,7 +218,7 @@ class Check:
             self.found.add(not_checked(alarm.line))
 
     def _time(self, command: canon.Command) -> None:
-        time_ns = whole_ns(move_time_s(command, self.limits))
+        time_ns = whole_ns(move_time_s(command, self.limits, self.track.length_mm))
         size = self._sizes_to(command.line)
         for window in self._windows:
             window.add(time_ns, size, command.line)
@@ -237,6 +236,14 @@ class Check:
         while self._sizes and self._sizes[0][0] <= line:
             size_bytes += self._sizes.popleft()[1]
         return size_bytes
+
+
+def _read(body: bytes, line: int) -> Block | None:
+    """The block, or None where it cannot be read."""
+    try:
+        return read_block(body.decode("latin-1"), line)
+    except SyntaxProblem:
+        return None
 
 
 def chunks_of(path: Path) -> Iterator[bytes]:

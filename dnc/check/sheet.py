@@ -39,7 +39,7 @@ class SheetWatch:
                 self._feed(command)
             case canon.Rapid():
                 self._clear_z_mm = min(self._clear_z_mm, command.end[2])
-                self.air_s += move_time_s(command, self.limits)
+                self.air_s += move_time_s(command, self.limits, 0.0)
                 self._lines.append([])
             case canon.Dwell(time_s=time_s):
                 self.air_s += time_s
@@ -51,13 +51,14 @@ class SheetWatch:
                 pass
 
     def _feed(self, move: canon.Line | canon.Arc | canon.Polynomial) -> None:
-        time_s = move_time_s(move, self.limits)
+        length_mm = length(move)
+        time_s = move_time_s(move, self.limits, length_mm)
         if is_air(move, self._clear_z_mm):
             self.air_s += time_s
             self._lines.append([])
             return
         self.cutting_s += time_s
-        self.cut_mm += length(move)
+        self.cut_mm += length_mm
         self.feed_mm_min = max(self.feed_mm_min, move.feed_mm_min)
         points = [move.start, move.end]
         if isinstance(move, canon.Polynomial):

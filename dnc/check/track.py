@@ -14,6 +14,7 @@ from dnc.profile import MachineProfile
 from planner.gcode import GROUP_OF, Block, ModalGroup, code_of, header_name
 from planner.job import Job
 from sim.interpreter import canon
+from sim.interpreter.moves import curve_point
 
 Box = tuple[canon.Vector, canon.Vector]
 _AXES = frozenset("XYZ")
@@ -106,8 +107,8 @@ class Track:
     """State before the current block or command.
 
     `clear_z_mm` is the lowest height that a rapid reached: taken to be above the part. `cut_top_mm` is the highest
-    point cut below it. `direction` is the unit direction at the end of the last feed move, None after a rapid
-    or a stop. `air_mm` and `cut_mm` add up feed moves.
+    point cut below it. `length_mm` is that of the last feed move, `direction` the unit direction at its end, None after
+    a rapid or a stop. `air_mm` and `cut_mm` add up feed moves.
     """
 
     limits: Limits
@@ -128,6 +129,7 @@ class Track:
     tool: int | None = None
     clear_z_mm: float = math.inf
     cut_top_mm: float = -math.inf
+    length_mm: float = 0.0
     direction: canon.Vector | None = None
     is_backward: bool = False
     plunge: canon.Line | None = None
@@ -153,15 +155,17 @@ class Track:
         self.has_end_word |= any(code_of(word) in _ENDS for word in block.words)
         self._see_splines(block)
 
-    def see_plain(self, number: int | None, line: int, *, is_cut: bool) -> None:
-        """Take a block of plain coordinates into account, outside of BSPLINE; `is_cut` where it says G1."""
+    def see_plain(self, number: int | None, line: int, code: str | None, *, has_length: bool) -> None:
+        """Take a block of plain coordinates into account: its motion code, or None, and whether it has PL."""
         if number is not None:
             self._see_number(number)
         self.blocks += 1
         if self.end_line is not None and self.after_end_line is None:
             self.after_end_line = line
-        if is_cut:
-            self.motion_code = "G1"
+        if code is not None:
+            self.motion_code = code
+        if self.motion_code == "BSPLINE":
+            self._see_spline_point(line, has_length=has_length)
 
     def _see_number(self, number: int) -> None:
         if self.last_number is not None and starts_over(self.last_number, number):
@@ -187,9 +191,11 @@ class Track:
         if self.motion_code != "BSPLINE":
             self.spline = SplineRun(0, 0, 0)
         elif any(word.address in _AXES for word in block.words):
-            has_length = any(word.address == "PL" for word in block.words)
-            run = self.spline
-            self.spline = SplineRun(run.line or block.line, run.blocks + 1, run.with_length + has_length)
+            self._see_spline_point(block.line, has_length=any(word.address == "PL" for word in block.words))
+
+    def _see_spline_point(self, line: int, *, has_length: bool) -> None:
+        run = self.spline
+        self.spline = SplineRun(run.line or line, run.blocks + 1, run.with_length + has_length)
 
     def see_command(self, command: canon.Command) -> None:
         """Take a canonical command into account after the rules have looked at it."""
@@ -218,7 +224,7 @@ class Track:
 
     def _see_feed(self, move: canon.Line | canon.Arc | canon.Polynomial) -> None:
         self.has_moved = True
-        length_mm = length(move)
+        self.length_mm = length_mm = length(move)
         if is_air(move, self.clear_z_mm):
             self.air_mm += length_mm
             self.air_moves += 1
@@ -300,12 +306,7 @@ def _along_axis(move: canon.Arc) -> float:
 
 def point_at(move: canon.Polynomial, parameter: float) -> canon.Vector:
     """The point of a polynomial at this parameter."""
-    below = sum(value * parameter**power for power, value in enumerate(move.denominator))
-    x, y, z = (
-        sum(vector[axis] * parameter**power for power, vector in enumerate(move.coefficients)) / below
-        for axis in range(3)
-    )
-    return x, y, z
+    return curve_point(move.coefficients, move.denominator, parameter)
 
 
 def start_direction(move: canon.Motion) -> canon.Vector:

@@ -21,7 +21,7 @@ _ISO_CODES = {
 }  # fmt: skip
 _ISO_UNITS = {"G20": "G70", "G21": "G71"}
 _AXES = frozenset("XYZ")
-_FEED_CODES = frozenset({"G1", "G2", "G3"})
+IDLE_CODES = frozenset({"G1", "G2", "G3"})
 _LOOPS = (Jump, While, For, Until, Case, RepeatSection)
 
 
@@ -139,7 +139,7 @@ def idle_words(block: Block, track: Track) -> Iterator[Finding]:
         return
     axes = [word for word in block.words if word.address in _AXES and word.value is not None]
     groups = {GROUP_OF.get(code_of(word) or "") for word in block.words}
-    if axes and track.motion_code in _FEED_CODES and not groups & {ModalGroup.FRAME, ModalGroup.ONE_SHOT}:
+    if axes and track.motion_code in IDLE_CODES and not groups & {ModalGroup.FRAME, ModalGroup.ONE_SHOT}:
         yield Finding(
             "zero-length",
             Severity.WARNING,

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 
 from planner.gcode.dialect import SINUMERIK, Dialect
+from planner.gcode.expression import Expression, Name, Number, Unary
 from planner.gcode.lexer import SyntaxProblem, tokens_of
 from planner.gcode.parser import TokenReader
 from planner.gcode.program import Block, Program
@@ -13,7 +14,14 @@ from planner.gcode.statement import Statement
 from planner.gcode.statement_reader import is_statement_start, read_statement
 from planner.gcode.words import Word
 
-_PLAIN_WORD = re.compile(r"[ \t]*([A-Za-z])([+-]?(?:\d+\.?\d*|\.\d+))(?![\d.=\[eE])[ \t]*")
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
+_PLAIN_WORD = re.compile(
+    rf"[ \t]*(?:([A-Za-z])({_NUMBER})(?![\d.=\[eE])"
+    rf"|(PO)\[([XYZ]?)\]=\(((?:{_NUMBER},)*{_NUMBER})\)"
+    rf"|(PL|PW)=({_NUMBER})(?![\d.\[eE])"
+    rf"|(POLY|BSPLINE)(?![A-Z0-9_=(\[:]))[ \t]*",
+    re.IGNORECASE,
+)
 _ISO_WORD = re.compile(r"\s*([A-Za-z])\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*")
 _ISO_COMMENT = re.compile(r"\s*\(([^()]*)\)\s*")
 _PATH_HEADER = re.compile(r";\s*\$PATH=")
@@ -83,7 +91,7 @@ def directory_of(block: Block) -> str | None:
 
 
 def _plain_block(text: str, line: int) -> Block | None:
-    """A block of single letters with numbers, perhaps a comment; None if anything else stands in it."""
+    """A block of letters with numbers and the plain words of POLY and BSPLINE, perhaps a comment; else None."""
     place = 0
     words: list[Word] = []
     number: int | None = None
@@ -94,8 +102,10 @@ def _plain_block(text: str, line: int) -> Block | None:
             if text[place] == ";":
                 break
             return None
-        letter, digits = match.groups()
-        if letter in "Nn":
+        letter, digits = match[1], match[2]
+        if letter is None:
+            words.append(_curve_word(match))
+        elif letter in "Nn":
             if place or not digits.isdigit():
                 return None
             number = int(digits)
@@ -106,6 +116,24 @@ def _plain_block(text: str, line: int) -> Block | None:
         return None
     comment = text[place + 1 :] if place < stop else None
     return Block(line, number, tuple(words), comment, text=text)
+
+
+def _curve_word(match: re.Match[str]) -> Word:
+    """PO[X]=(...), PL=..., PW=..., POLY or BSPLINE, as the full parser would read it."""
+    _, _, polynomial, axis, values, interval, digits, code = match.groups()
+    if code is not None:
+        return Word(code.upper(), column=match.start(8) + 1)
+    if interval is not None:
+        return Word(interval.upper(), float(digits), digits, None, None, match.start(6) + 1, True)
+    arguments = tuple(_signed(text) for text in values.split(","))
+    index = (Name(axis.upper()),) if axis else ()
+    return Word(polynomial.upper(), None, "", arguments, index, match.start(3) + 1, True)
+
+
+def _signed(text: str) -> Expression:
+    if text[0] in "+-":
+        return Unary(text[0], Number(float(text[1:]), text[1:]))
+    return Number(float(text), text)
 
 
 def _full_block(text: str, line: int) -> Block:

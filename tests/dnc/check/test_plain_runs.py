@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,41 @@ def agree(data: bytes, limits: Limits = LIMITS) -> int:
 @pytest.mark.parametrize("path", sorted(GOLDEN.rglob("*.mpf")), ids=lambda path: path.name)
 def test_every_golden(path: Path) -> None:
     agree(path.read_bytes())
+
+
+SPLINES = """N1 BSPLINE X2 Z1.5 PL=0 F250
+N2 X3Z2PL=4
+X4 Z1 PL=3
+N3 X5 PL=0
+N3 G1 X9
+BSPLINE X10
+X11 PL=2
+X12 PO[Z]=(3,1)
+G1 X12
+POLY PO[X]=(13,1,2)PO[Z]=(2,-.5)F200
+N8 PO[X]=(14,.5)
+PO[X]=(14.5,1) PL=2
+POLY X14.5
+G0 Z50
+POLY PO[X]=(20,1)
+"""
+
+
+@pytest.mark.parametrize(
+    "path", [*sorted(GOLDEN.rglob("*.mpf")), None], ids=lambda path: path.name if path else "splines"
+)
+def test_plain_blocks_need_no_rules_for_blocks(path: Path | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(6.10) Blocks that are known to be plain by their looks are passed over by rules that would find nothing."""
+    data = (HEAD + SPLINES + TAIL).encode() if path is None else path.read_bytes()
+    ways = []
+    for pattern in (run._PLAIN, re.compile(rb"(?!)")):
+        monkeypatch.setattr(run, "_PLAIN", pattern)
+        heard: list[canon.Command] = []
+        check = Check(LIMITS, watch=heard.append)
+        for number, raw in enumerate(data.splitlines(keepends=True), 1):
+            check.line(raw, number)
+        ways.append((told(check, heard), check.track.spline, check.track.motion_code))
+    assert ways[0] == ways[1]
 
 
 @pytest.mark.parametrize("step", [1, 10])

@@ -27,7 +27,7 @@ from planner.gcode import (
     write_block,
     write_words,
 )
-from planner.gcode.reader import _full_block
+from planner.gcode.reader import _full_block, _plain_block
 from planner.gcode.statement import Case, Define, For, If, Jump, Mark, Procedure, RepeatSection, Until, While
 
 GOLDEN = Path(__file__).parents[2] / "golden"
@@ -195,6 +195,28 @@ def test_short_route_and_full_parser_agree(words: list[tuple[str, str]], blank: 
     """(6.7)"""
     text = "N5" + blank + blank.join(letter + number for letter, number in words) + comment
     assert read_block(text) == _full_block(text, 1)
+
+
+_CURVE_PIECES = """
+    POLY BSPLINE poly PO[X]=( PO[Y]=( PO[]=( po[z]=( PL= PW= pl= X Y Z F N5 G1
+    1.5 -.25 +3 2. 0 , ) * - DIV E EX2 : = [ ;
+"""
+_PIECES = st.sampled_from(_CURVE_PIECES.split())
+
+
+@given(st.lists(_PIECES, min_size=1, max_size=14), st.sampled_from(["", " "]))
+def test_short_route_agrees_where_words_of_curves_stand(pieces: list[str], blank: str) -> None:
+    """(6.7) Whatever the pieces make, the short route gives what the full parser gives, or leaves it to that."""
+    text = blank.join(pieces)
+    short = _plain_block(text, 1)
+    if short is not None:
+        assert short == _full_block(text, 1)
+
+
+def test_words_of_curves_go_the_short_route() -> None:
+    """(6.7)"""
+    for text in ("N7POLY PO[X]=(49.87,12.1,-.7)PO[]=(2,1)PL=3 F250", "BSPLINE X10Z-.5PL=0", "X1PW=.5 PL=2 ; c"):
+        assert _plain_block(text, 1) == _full_block(text, 1)
 
 
 @given(st.text(alphabet=st.characters(min_codepoint=0, max_codepoint=255), max_size=80))
