@@ -1,8 +1,8 @@
 """Blocks per second of the interpreter on CAM output, beside `rs274 -g` (Debian's linuxcnc-uspace) in the same minute.
 
 100,000 G1 lines of about 35 bytes, best of five each. `arrays` is how `dnc check` and `dnc simulate` read straight
-cuts; `commands` gives one value a move, as the estimate of the machining time takes them; both are interpreted whole. `by
-block` is the full parser, through which a live control takes every block as it comes (on 10,000 lines).
+cuts; `commands` gives one value a move, as the estimate of the machining time takes them; both read whole programs.
+`by block` is the full parser, through which a live control takes every block as it comes (on 10,000 lines).
 """
 
 from __future__ import annotations
