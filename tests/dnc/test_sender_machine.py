@@ -28,6 +28,8 @@ PROGRAM = b"".join(b"N%d G1 X%d.%d\n" % (index, index * 7, index) for index in r
 TAPE = PROGRAM + b"\0" * 40
 BYTE_S = 0.001
 START_TIMEOUT_S = 0.05
+EARLY = st.sampled_from([b"", XON, XOFF, XON + XOFF])
+"""What the control has said before the start."""
 STOPPED = (JobState.ABORTED, JobState.FAULTED, JobState.PAUSED, JobState.LOADED)
 OVER = (JobState.ABORTED, JobState.FAULTED, JobState.SENT)
 
@@ -38,14 +40,17 @@ class AnyOrder(RuleBasedStateMachine):
     reached: ClassVar[Counter[JobState]] = Counter()
 
     @initialize(
-        waits=st.booleans(), inflight=st.integers(1, 9), timeout_s=st.sampled_from([0.0, 0.5]), first=st.integers(0, 3)
+        waits=st.booleans(),
+        inflight=st.integers(1, 9),
+        timeout_s=st.sampled_from([0.0, 0.5]),
+        said=EARLY,
+        starts=st.booleans(),
     )
-    def begin(self, waits: bool, inflight: int, timeout_s: float, first: int) -> None:
+    def begin(self, waits: bool, inflight: int, timeout_s: float, said: bytes, starts: bool) -> None:
         self.load(waits, inflight, timeout_s)
-        if first > 0:
+        self.hear_anything(said)
+        if starts:
             self.start()
-        if first > 1:
-            self.hear_xon(1)
 
     def load(self, waits: bool, inflight: int, timeout_s: float, *, hears: bool = True) -> None:
         with tempfile.TemporaryDirectory() as folder:
@@ -85,11 +90,12 @@ class AnyOrder(RuleBasedStateMachine):
         return max(0.0, self.line_free_s - self.now_s) / BYTE_S
 
     @precondition(lambda self: self.sender.is_over or self.sender.state is JobState.LOADED)
-    @rule(waits=st.booleans(), inflight=st.integers(1, 9), hears=st.booleans(), starts=st.booleans())
-    def load_anew(self, waits: bool, inflight: int, hears: bool, starts: bool) -> None:
+    @rule(waits=st.booleans(), inflight=st.integers(1, 9), hears=st.booleans(), said=EARLY, starts=st.booleans())
+    def load_anew(self, waits: bool, inflight: int, hears: bool, said: bytes, starts: bool) -> None:
         """A job that is over gets a fresh act of the operator, or none at all."""
         self.tape.close()
         self.load(waits, inflight, 0.0, hears=hears)
+        self.hear_anything(said)
         if starts:
             self.start()
 
