@@ -51,9 +51,12 @@ class Finished:
     sentence: str
 
 
-def pace_of(link: Link) -> Pace:
+def pace_of(profile: MachineProfile) -> Pace:
     """The measure of this line."""
-    inflight = link.inflight_max_bytes or default_inflight_bytes(link.baud, link.format)
+    link = profile.link
+    inflight = link.inflight_max_bytes or default_inflight_bytes(
+        link.baud, link.format, profile.control.xoff_free_bytes
+    )
     byte_s = bits_per_byte(link.format) / link.baud
     lag_s, slack = default_lag_s(link.baud), default_slack(link.baud)
     return Pace(byte_s, inflight, lag_s, slack, link.char_delay_s, link.line_delay_s)
@@ -79,7 +82,7 @@ class Job:
         self, tape: Tape, port: Port, profile: MachineProfile, names: JobNames, listeners: list[Listener]
     ) -> None:
         self.tape, self.port, self.profile, self.names = tape, port, profile, names
-        self.sender = Sender(tape, ByteClock(pace_of(profile.link)), rules_of(profile.link))
+        self.sender = Sender(tape, ByteClock(pace_of(profile)), rules_of(profile.link))
         self._folder = state_folder() / "jobs" / names.job_id
         self.events = EventLog([*listeners, Capture(self._folder / "heard", _HEARD_BYTES)])
         ahead = max(_AHEAD_MIN_BYTES, int(_AHEAD_S * profile.link.baud / 10))

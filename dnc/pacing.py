@@ -21,13 +21,16 @@ def bits_per_byte(form: str) -> float:
     return 1 + int(form[0]) + (form[1] != "N") + float(form[2:])
 
 
-def default_inflight_bytes(baud: int, form: str) -> int:
+def default_inflight_bytes(baud: int, form: str, reserve_bytes: int) -> int:
     """Bytes in flight that keep the line busy over 0.6 ms of host delay, at least 2: 2 to 19200 baud, 7 at 115200.
 
-    >>> [default_inflight_bytes(baud, "8N1") for baud in (1200, 38400, 115200)]
-    [2, 3, 7]
+    Never more than a quarter of the bytes that the control keeps free when it stops us, `reserve_bytes`.
+
+    >>> [default_inflight_bytes(baud, "8N1", 120) for baud in (1200, 38400, 115200, 1152000)]
+    [2, 3, 7, 30]
     """
-    return max(2, math.ceil(0.6e-3 * baud / bits_per_byte(form)))
+    busy_bytes = max(2, math.ceil(0.6e-3 * baud / bits_per_byte(form)))
+    return max(1, min(busy_bytes, reserve_bytes // 4))
 
 
 def default_slack(baud: int) -> float:

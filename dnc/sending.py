@@ -180,7 +180,7 @@ def line_warnings(profile: MachineProfile, port: Port) -> list[str]:
         return [f"bound not assured: {port.name} is behind a network, XOFF arrives at no bounded time"]
     if link.handshake != "xonxoff":
         return []
-    pace = pace_of(link)
+    pace = pace_of(profile)
     overshoot = pace.inflight_max_bytes + math.ceil(link.adapter_latency_s / pace.byte_s)
     if overshoot <= allowed:
         return []

@@ -6,22 +6,21 @@ The standard parser gives no line numbers, so `key_lines` walks the (already acc
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 import stat
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 
 from planner.errors import InputRejected
+from planner.toml_complaints import conversion_error
 
 T = TypeVar("T")
 KeyPath = tuple[str | int, ...]
-
 _BOMS = {b"\xef\xbb\xbf": "UTF-8 byte order mark", b"\xff\xfe": "UTF-16 text", b"\xfe\xff": "UTF-16 text"}
 
 
@@ -43,7 +42,7 @@ def load(
     try:
         return msgspec.convert(data, kind, strict=True), lines
     except msgspec.ValidationError as problem:
-        raise _conversion_error(path, str(problem), kind, lines, error) from None
+        raise conversion_error(path, str(problem), kind, lines, error) from None
 
 
 def read_text(
@@ -229,47 +228,3 @@ def _reject_not_finite(
     elif isinstance(data, list):
         for index, value in enumerate(data):
             _reject_not_finite(value, (*at, index), path, lines, error)
-
-
-def _conversion_error(
-    path: Path, problem: str, kind: type[Any], lines: dict[KeyPath, int], error: type[InputRejected]
-) -> InputRejected:
-    what, _, where = problem.partition(" - at `$")
-    steps = re.findall(r"([A-Za-z_][A-Za-z0-9_-]*)|\[(\d+)\]", where.rstrip("`"))
-    at: KeyPath = tuple(int(index) if index else name for name, index in steps)
-    unknown = re.search(r"unknown field `([^`]*)`", what)
-    if unknown:
-        name = unknown[1]
-        near = difflib.get_close_matches(name, sorted(_field_names(kind)), n=1)
-        remedy = f"did you mean {near[0]}?" if near else "remove it, or see the list of keys in the README"
-        return error(f"unknown key {name}", path=path, line=_line(lines, (*at, name)), remedy=remedy)
-    missing = re.search(r"missing required field `([^`]*)`", what)
-    if missing:
-        place = ".".join(str(part) for part in at) or "the file"
-        return error(f"{missing[1]} is missing in {place}", path=path, line=_line(lines, at), remedy="add it")
-    name = ".".join(str(part) for part in at)
-    return error(f"{name}: {what[:1].lower()}{what[1:]}", path=path, line=_line(lines, at), remedy="mend the value")
-
-
-def _line(lines: dict[KeyPath, int], at: KeyPath) -> int | None:
-    while at and at not in lines:
-        at = at[:-1]
-    return lines.get(at)
-
-
-def _field_names(kind: Any) -> set[str]:
-    """Every key name that a Struct type and the Structs inside it know."""
-    names: set[str] = set()
-    waiting, seen = [kind], set()
-    while waiting:
-        current = waiting.pop()
-        if id(current) in seen:
-            continue
-        seen.add(id(current))
-        if isinstance(current, type) and issubclass(current, msgspec.Struct):
-            for field in msgspec.structs.fields(current):
-                names.add(field.encode_name)
-                waiting.append(field.type)
-        else:
-            waiting.extend(getattr(current, "__args__", ()))
-    return names

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.interpreter.canon import Motion, Polynomial, Rapid
-from sim.motion.bows import SHARPEST
 from sim.motion.shapes import PolynomialShape, Shape
 
 Array = NDArray[np.float64]
@@ -23,7 +22,6 @@ Array = NDArray[np.float64]
 class Corner:
     """A rounded corner: its curve, what it takes of each neighbour, and how far it stays from the sharp one."""
 
-    curve: Polynomial
     shape: PolynomialShape
     reach_mm: float
     deviation_mm: float
@@ -31,31 +29,26 @@ class Corner:
     def shape_for(self, after: Motion) -> PolynomialShape:
         """The rounding's shape with the source and the feed of the motion after the corner."""
         feed = 0.0 if isinstance(after, Rapid) else after.feed_mm_min
-        curve = msgspec.structs.replace(self.curve, line=after.line, block=after.block, feed_mm_min=feed)
+        curve = msgspec.structs.replace(self.shape.motion, line=after.line, block=after.block, feed_mm_min=feed)
         return self.shape.renamed(curve)
 
 
 def round_corner(
-    before: Shape, after: Shape, used_mm: float, tolerance_mm: float, is_deviation: bool, speed_error: float
+    before: Shape, after: Shape, used_mm: float, reach_mm: float, tolerance_mm: float, speed_error: float
 ) -> Corner | None:
-    """The rounding between two shapes, or None where there is no room or the path turns back.
+    """The rounding between two shapes, or None where there is no room.
 
-    `used_mm` of `before` already belongs to the rounding at its other end. `tolerance_mm` bounds the distance from the
-    programmed path (G642) or, without `is_deviation`, the distance before and after the corner (G641).
+    `used_mm` of `before` already belongs to the rounding at its other end. It begins `reach_mm` before the corner, or
+    as much nearer as room and tolerance want it: `tolerance_mm` bounds the distance from the programmed path.
     """
-    t1 = before.derivatives(np.array([before.length_mm]))[0][0]
-    t2 = after.derivatives(np.array([0.0]))[0][0]
-    half_sine = float(np.linalg.norm(t2 - t1)) / 2.0
-    room = min(before.length_mm / 2.0, before.length_mm - used_mm, after.length_mm / 2.0)
-    reach = min(room, tolerance_mm / (0.375 * half_sine) if is_deviation else tolerance_mm)
-    if half_sine > SHARPEST or reach <= 0.0:
+    reach = min(reach_mm, before.length_mm / 2.0, before.length_mm - used_mm, after.length_mm / 2.0)
+    if reach <= 0.0:
         return None
     for _ in range(8):
-        curve = _between(before, after, reach)
-        shape = PolynomialShape(curve, speed_error)
+        shape = PolynomialShape(_between(before, after, reach), speed_error)
         deviation = _deviation(shape, before, after, reach)
-        if not is_deviation or deviation <= tolerance_mm * (1.0 + 1e-9):
-            return Corner(curve, shape, reach, deviation)
+        if deviation <= tolerance_mm * (1.0 + 1e-9):
+            return Corner(shape, reach, deviation)
         reach *= 0.95 * tolerance_mm / deviation
     return None
 

@@ -7,8 +7,9 @@ sum holds on every axis at every moment. Derivation: sim/motion/MODEL.md, sectio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,10 @@ Array = NDArray[np.float64]
 
 OVERRIDE_TOP = 1.2
 """The largest feed override; limits along the path are laid out for it, so that turning the switch is always safe."""
+
+JOIN_SHARE = 0.05
+"""What a join that is passed as it is may use of the jerk of an axis, seen at the interpolator's cycle: half of it by
+steps of speed and of curvature, half by a change of direction while the path is accelerated."""
 
 _TINY = 1e-300
 
@@ -31,6 +36,14 @@ class AxisLimits:
     acceleration: Array
     jerk: Array
     cycle_s: float
+
+    def spared(self) -> AxisLimits:
+        """What is left for the motion between joins where some of these are passed as they are.
+
+        Two of them within a cycle may add up, hence twice JOIN_SHARE.
+        """
+        step = 2.0 * JOIN_SHARE * np.minimum(self.jerk * self.cycle_s, self.acceleration)
+        return replace(self, acceleration=self.acceleration - step, jerk=(1.0 - 2.0 * JOIN_SHARE) * self.jerk)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,15 +100,19 @@ def curved_limits(
     return PieceLimits(speed=cap, acceleration=acceleration, jerk=np.min(rest / first, axis=1))
 
 
-def bend_speed(bend: Array, jump: Array, axes: AxisLimits, knee_mm_s: Array) -> Array:
-    """Speed (n,) through joins where the direction changes by `bend` (n, 3) and r'' by `jump` (n, 3), 1/mm.
+def join_speed(bend: Array, jump: Array, axes: AxisLimits) -> Array:
+    """Speed (n,) at which a join is passed as it is: direction changes by `bend` (n, 3), r'' by `jump` (n, 3), 1/mm.
 
-    A bend steps the speed of axis k by v bend_k, at most `knee_mm_s` (3,); a jump of curvature steps its acceleration
-    by v^2 jump_k, at most what the axis' jerk makes in one cycle.
+    At the cycle T a step v bend_k of the speed of axis k shows as a jerk of v bend_k / T^2, a step v^2 jump_k of its
+    acceleration as 3/4 v^2 jump_k / T at most; together they keep to half of JOIN_SHARE. Zero where the bend is not
+    gentle: with the path's acceleration A the axis' steps by A bend_k, which must keep to the other half.
     """
-    knee = np.min(knee_mm_s / np.maximum(np.abs(bend), _TINY), axis=1)
-    step = axes.jerk * axes.cycle_s
-    return np.asarray(np.minimum(knee, np.min(np.sqrt(step / np.maximum(np.abs(jump), _TINY)), axis=1)))
+    cycle = axes.cycle_s
+    allowed = 0.5 * JOIN_SHARE * np.minimum(axes.jerk, axes.acceleration / cycle)
+    b, c = np.abs(bend) / cycle**2, 0.75 * np.abs(jump) / cycle
+    speed = np.min(2.0 * allowed / np.maximum(b + np.sqrt(b * b + 4.0 * c * allowed), _TINY), axis=1)
+    is_gentle = np.all(0.75 * np.abs(bend) * np.max(axes.acceleration) <= allowed * cycle, axis=1)
+    return np.asarray(np.where(is_gentle, speed, 0.0))
 
 
 def curve_pieces(
@@ -108,20 +125,40 @@ def curve_pieces(
 ) -> tuple[Array, PieceLimits]:
     """Edges (m + 1,) of the pieces of a stretch of curve, and their limits: one piece where these hardly vary.
 
-    Bounds are taken from 5 points a piece and widened by 2 %, which covers what lies between them on a curve that a
-    control accepts as one block.
+    Bounds are taken from 5 points a piece and widened by 2 %. Where the speed they allow changes by more than a third
+    from one piece to the next, both are halved, so that a sharp bend within a long curve is not stepped over.
     """
-    count, inner, margin = 16, 4, 1.02
-    at = np.linspace(from_mm, to_mm, count * inner + 1)
-    first, second, third = (_greatest(np.abs(derivative), count, inner) * margin for derivative in derivatives(at))
-    feed = np.full(count, min(feed_mm_s, float(np.max(axes.speed))))
-    limits = curved_limits(first, second, third, feed, axes, shares)
-    edges = at[::inner]
-    is_even = np.min(limits.speed) >= OVERRIDE_TOP * feed[0] or np.ptp(limits.speed) < 0.05 * np.max(limits.speed)
+    feed = min(feed_mm_s, float(np.max(axes.speed)))
+    edges = np.linspace(from_mm, to_mm, 17)
+    for _ in range(6):
+        limits = _limits_between(derivatives, edges, feed, axes, shares)
+        speed = np.minimum(limits.speed, OVERRIDE_TOP * feed)
+        is_rough = np.abs(np.diff(np.log(speed))) > math.log(4.0 / 3.0)
+        if not np.any(is_rough):
+            break
+        halved = np.flatnonzero(np.append(is_rough, False) | np.append(False, is_rough))
+        edges = np.insert(edges, halved + 1, (edges[halved] + edges[halved + 1]) / 2.0)
+    else:
+        limits = _limits_between(derivatives, edges, feed, axes, shares)
+    is_even = np.min(speed) >= OVERRIDE_TOP * feed or np.ptp(limits.speed) < 0.05 * np.max(limits.speed)
     if is_even and np.min(limits.acceleration) > 0.8 * np.max(limits.acceleration):
         worst = [np.min(column, keepdims=True) for column in (limits.speed, limits.acceleration, limits.jerk)]
         return edges[[0, -1]], PieceLimits(*worst)
     return edges, limits
+
+
+def _limits_between(
+    derivatives: Callable[[Array], tuple[Array, Array, Array]],
+    edges: Array,
+    feed_mm_s: float,
+    axes: AxisLimits,
+    shares: Shares,
+) -> PieceLimits:
+    """Limits of the pieces between these edges."""
+    inner, margin, count = 4, 1.02, len(edges) - 1
+    at = np.append((edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(inner) / inner)).ravel(), edges[-1])
+    first, second, third = (_greatest(np.abs(derivative), count, inner) * margin for derivative in derivatives(at))
+    return curved_limits(first, second, third, np.full(count, feed_mm_s), axes, shares)
 
 
 def _greatest(values: Array, count: int, inner: int) -> Array:

@@ -89,9 +89,9 @@ class Machine:
 
     def _begin(self) -> None:
         """An empty path and nothing queued: the state after power-on and after a reset."""
-        self._path = Path(self._axes, self._times.overload, self._speed_error, self._times.same_place_mm)
+        self._path = Path(self._axes, self._speed_error, self._times.same_place_mm)
         self._pending: list[Command | LineRun] = []
-        self._preparation = Preparation(self._times.rounding_mm, stops_at_optional=self._stops_at_optional)
+        self._preparation = Preparation(self._times, stops_at_optional=self._stops_at_optional)
         self._law = np.zeros(STATE_SIZE)
         self._is_at_stop = True
         self._standing_steps = 0

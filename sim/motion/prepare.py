@@ -10,6 +10,7 @@ from sim.interpreter import canon
 from sim.interpreter.canon import Command, LineRun, Motion, PathMode
 from sim.motion.path import Run
 from sim.motion.straight import Modal
+from sim.motion.values import MachineTimes
 
 _SYNCHRONOUS = (canon.Dwell, canon.ChangeTool, canon.Stop, canon.End, canon.Alarm)
 
@@ -26,9 +27,10 @@ class Event:
 class Preparation:
     """What is modal between one command and the next, and the events that wait for their motions."""
 
-    def __init__(self, rounding_mm: float, *, stops_at_optional: bool) -> None:
+    def __init__(self, times: MachineTimes, *, stops_at_optional: bool) -> None:
         self.events: deque[Event] = deque()
-        self._rounding_mm = self._tolerance_mm = rounding_mm
+        self._times = times
+        self._tolerance_mm = times.continuous_mm
         self._stops_at_optional = stops_at_optional
         self._mode = PathMode.CONTINUOUS
         self._is_soft = True
@@ -77,10 +79,10 @@ class Preparation:
         """These motions are a run, if there are any; `is_exact`: a pending exact stop belongs to the last one."""
         if len(motions) == 0:
             return
-        mode = self._mode
-        if self._is_single_block and mode is not PathMode.EXACT_STOP:
-            mode = PathMode.CONTINUOUS
-        self._runs.append(Run(motions, Modal(mode, self._tolerance_mm, self._is_soft), self._is_after_stop, is_exact))
+        modal = Modal(self._mode, self._tolerance_mm, self._is_soft)
+        if self._is_single_block and self._mode is not PathMode.EXACT_STOP:
+            modal = Modal(PathMode.CONTINUOUS, 0.0, self._is_soft)
+        self._runs.append(Run(motions, modal, self._is_after_stop, is_exact))
         self._is_after_stop = False
         self._is_exact_once &= not is_exact
 
@@ -89,7 +91,8 @@ class Preparation:
         match command:
             case canon.SetPathMode(mode=mode, tolerance_mm=tolerance):
                 self._mode = mode
-                self._tolerance_mm = self._rounding_mm if tolerance is None else tolerance
+                preset = self._times.continuous_mm if mode is PathMode.CONTINUOUS else self._times.rounding_mm
+                self._tolerance_mm = preset if tolerance is None else tolerance
             case canon.ExactStopOnce():
                 self._is_exact_once = True
             case canon.SetJerkLimit(is_limited=is_limited):

@@ -134,7 +134,7 @@ class PolynomialShape:
     """
 
     def __init__(self, motion: Polynomial, speed_error: float) -> None:
-        self._motion = motion
+        self.motion = motion
         self._numerator = np.array(motion.coefficients, dtype=float)
         self._denominator = np.array(motion.denominator, dtype=float)
         self._tops = _derivatives(self._numerator, 3)
@@ -154,7 +154,7 @@ class PolynomialShape:
     def renamed(self, motion: Polynomial) -> PolynomialShape:
         """The same curve for a motion that differs in source and feed only."""
         twin = copy.copy(self)
-        twin._motion = motion
+        twin.motion = motion
         return twin
 
     def _tabulate(self, fine: Array, arcs: Array, intervals: int) -> None:
@@ -183,7 +183,7 @@ class PolynomialShape:
 
     def _speed(self, parameter: Array) -> Array:
         """|dc/dp|, kept off zero so that a cusp costs accuracy and not a division."""
-        floor = 1e-9 * self.length_mm / self._motion.length if self.length_mm > 0.0 else 1e-300
+        floor = 1e-9 * self.length_mm / self.motion.length if self.length_mm > 0.0 else 1e-300
         return np.asarray(np.maximum(np.linalg.norm(self._derive(parameter, 1)[1], axis=1), floor))
 
     def _place(self, arc_mm: Array) -> tuple[Array, Array]:
@@ -226,7 +226,7 @@ class PolynomialShape:
 
     def part(self, from_mm: float, to_mm: float) -> Motion:
         """The stretch as a polynomial that begins at parameter 0."""
-        motion = self._motion
+        motion = self.motion
         if from_mm <= 0.0 and to_mm >= self.length_mm:
             return motion
         low, high = self._place(np.array([from_mm, to_mm]))[0]

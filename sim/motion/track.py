@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,14 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _NO_LENGTH_MM = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Join:
+    """How a motion begins: what a rounding before it takes of it, or that the path bends there as it is."""
+
+    trim_mm: float = 0.0
+    is_bent: bool = False
 
 
 class Track:
@@ -41,20 +51,24 @@ class Track:
         return float(self.pieces.ends[self.pieces.count - 1]) if self.pieces.count else 0.0
 
     def lay_legs(
-        self, legs: Legs, corners: Corners, stops: Flags, ordinals: Indices, axes: AxisLimits, trim_mm: float
-    ) -> float:
-        """Rows for these legs and the roundings between them; returns what the last rounding takes of the last leg.
+        self, legs: Legs, corners: Corners, stops: Flags, ordinals: Indices, axes: AxisLimits, ends: tuple[Join, bool]
+    ) -> Join:
+        """Rows for these legs and the roundings between them; returns how the last leg is joined to the one before.
 
-        `stops` (n - 1,): whether the path stops after a leg; `trim_mm` of the first leg belongs to a rounding before.
+        `stops` (n - 1,): whether the path stops after a leg; `ends`: how the first leg is joined to what is there, and
+        whether the last one may have to leave something for a join that is passed as it is.
         """
-        count = len(legs.lengths)
-        before = np.concatenate([[trim_mm], corners.reach])
+        count, (join, is_open) = len(legs.lengths), ends
+        bent = np.concatenate([[join.is_bent], corners.are_bent, [is_open]])
+        spared = straight_limits(legs.directions, axes.spared())
+        is_spared = bent[:-1] | bent[1:]
+        before = np.concatenate([[join.trim_mm], corners.reach])
         after = np.concatenate([corners.reach, [0.0]])
         body = {
             "caps": np.minimum(legs.limits.speed, OVERRIDE_TOP * legs.feeds),
             "feeds": legs.feeds,
-            "accs": legs.limits.acceleration,
-            "jerks": legs.limits.jerk,
+            "accs": np.where(is_spared, spared.acceleration, legs.limits.acceleration),
+            "jerks": np.where(is_spared, spared.jerk, legs.limits.jerk),
             "ordinals": ordinals,
             "origins": legs.starts + before[:, None] * legs.directions,
             "directions": legs.directions,
@@ -75,7 +89,7 @@ class Track:
             lengths, body = lengths[exists], {name: column[exists] for name, column in body.items()}
         edges = np.cumsum(np.concatenate([[self.end_mm], lengths]))
         self.pieces.append(len(lengths), starts=edges[:-1], ends=edges[1:], **body)
-        return float(before[-1])
+        return Join(float(before[-1]), bool(bent[-2]))
 
     def lay_bow(self, legs: Legs, reach_mm: float, ordinal: int, axes: AxisLimits) -> None:
         """One row: the rounding between the two legs, which belongs to motion `ordinal`."""
@@ -87,8 +101,14 @@ class Track:
     def lay_corner(self, corner: Corner, motion: Motion, ordinal: int, feed_mm_s: float, axes: AxisLimits) -> None:
         """Rows for the rounding before this motion, where a neighbour is a curve."""
         self.corners.add(len(self.shapes))
-        self.lay(corner.shape_for(motion), (0.0, corner.shape.length_mm), ordinal, axes, (feed_mm_s, np.inf))
+        self.lay(corner.shape_for(motion), (0.0, corner.shape.length_mm), ordinal, axes, (feed_mm_s, np.inf), True)
         self._roundings.append((np.array([ordinal]), np.array([corner.deviation_mm])))
+
+    def corner_speed(self, corner: Corner, feed_mm_s: float, axes: AxisLimits) -> float:
+        """The greatest speed at which this rounding is passed, mm/s."""
+        shape = corner.shape
+        _, limits = curve_pieces(shape.derivatives, 0.0, shape.length_mm, feed_mm_s, axes.spared(), Shares())
+        return float(np.min(limits.speed))
 
     def lay(
         self,
@@ -97,8 +117,12 @@ class Track:
         ordinal: int,
         axes: AxisLimits,
         limit_mm_s: tuple[float, float],
+        is_spared: bool,
     ) -> None:
-        """Rows for this stretch of one shape; `limit_mm_s`: its feed, and the speed at which a block lasts a cycle."""
+        """Rows for this stretch of one shape; `limit_mm_s`: its feed, and the speed at which a block lasts a cycle.
+
+        `is_spared`: a straight one leaves something for a join that is passed as it is; a curve always does.
+        """
         (from_mm, to_mm), (feed, block_speed) = stretch_mm, limit_mm_s
         if to_mm - from_mm <= _NO_LENGTH_MM:
             return
@@ -106,10 +130,10 @@ class Track:
         if isinstance(shape, LineShape):
             index = STRAIGHT
             origin, direction = shape.points(np.array([from_mm])), shape.derivatives(np.zeros(1))[0]
-            edges, limits = np.array([from_mm, to_mm]), straight_limits(direction, axes)
+            edges, limits = np.array([from_mm, to_mm]), straight_limits(direction, axes.spared() if is_spared else axes)
         else:
             self.shapes.append(shape)
-            edges, limits = curve_pieces(shape.derivatives, from_mm, to_mm, feed, axes, Shares())
+            edges, limits = curve_pieces(shape.derivatives, from_mm, to_mm, feed, axes.spared(), Shares())
         start_mm = self.end_mm
         self.pieces.append(
             len(edges) - 1,
@@ -160,7 +184,7 @@ class Track:
             legs.ends[rows], legs.directions[rows], legs.directions[rows + 1], reach_mm
         )
         feed = np.minimum(legs.feeds[rows + 1], legs.feeds[rows])
-        limits = curved_limits(*bounds, np.minimum(feed, np.max(axes.speed)), axes, Shares())
+        limits = curved_limits(*bounds, np.minimum(feed, np.max(axes.speed)), axes.spared(), Shares())
         self._roundings.append((ordinals, 0.375 * reach_mm * half_sine))
         none = np.zeros((len(rows), 3))
         return length, {

@@ -135,16 +135,16 @@ class MachineTimes:
     """What the profile does not say: auxiliary times in s, the servo loop, and how a corner may be taken.
 
     `servo_gain_per_s` and `exact_stop_mm` give the time an exact stop waits for the axes to arrive (G601 fine);
-    3.5 (m/min)/mm and 0.01 mm are one real machine's. `overload` is the control's factor for a speed step in a corner
-    passed without rounding (MD32310, preset 1.2); `rounding_mm` the tolerance of G642 and the distance of G641 where
-    the program names none; ends nearer than `same_place_mm` are one point, far below any control's resolution.
+    3.5 (m/min)/mm and 0.01 mm are one real machine's. `rounding_mm` is the tolerance of G642 and the distance of G641
+    where the program names none; `continuous_mm` what G64 may leave the path by in a corner, as much as G601 takes for
+    arrived; ends nearer than `same_place_mm` are one point, far below any control's resolution.
     """
 
     tool_change_s: float = 4.0
     spindle_start_s: float = 1.0
     servo_gain_per_s: float = 3500.0 / 60.0
     exact_stop_mm: float = 0.01
-    overload: float = 1.2
+    continuous_mm: float = 0.01
     rounding_mm: float = 0.01
     same_place_mm: float = 1e-7
 

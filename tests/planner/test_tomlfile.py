@@ -36,7 +36,22 @@ def test_thesis_job_loads() -> None:
         ("scallop_mm = 0.08", "scalop_mm = 0.08", "job.toml:25: unknown key scalop_mm; did you mean scallop_mm?"),
         ("scallop_mm = 0.08", "scallop_mm = nan", "job.toml:25: operation.0.scallop_mm is nan"),
         ("scallop_mm = 0.08", "scallop_mm = 4.0", "job.toml:25: scallop_mm 4 is not below the ball radius 4"),
-        ("scallop_mm = 0.08", 'scallop_mm = "a"', "job.toml:25: operation.0.scallop_mm: expected"),
+        (
+            "scallop_mm = 0.08",
+            'scallop_mm = "a"',
+            "job.toml:25: operation.0.scallop_mm: is text in quotes; write a number",
+        ),
+        (
+            "scallop_mm = 0.08",
+            "scallop_mm = -1",
+            "job.toml:25: operation.0.scallop_mm: is out of range; write a number > 0",
+        ),
+        ('"ball"', '"drill"', "job.toml:14: tool.0.kind: 'drill' is no choice; write one of ball, bull, flat"),
+        (
+            "angle_deg = 0.0",
+            'angle_deg = "x"',
+            "job.toml:22: operation.0.angle_deg: 'x' is no choice; write one of auto, a number",
+        ),
         ("scallop_mm = 0.08", "", "job.toml:19: needs either scallop_mm or pick_feed_mm"),
         ("tool = 2", "tool = 3", "job.toml:20: tool 3 is not in the job"),
         ("[setup]", "[setup", "job.toml:5:"),

@@ -51,7 +51,7 @@ def test_a_block_lowered_by_20_um_is_a_gouge_there(planned: Planned, tmp_path: P
     at = next(
         number
         for number, text in enumerate(lines)
-        if number > 60 and text.startswith("POLY") and "PO" in lines[number + 1][:2]
+        if number > 60 and text.startswith("POLY") and "PO[Z]" in lines[number + 1]
     )
     found = re.search(r"PO\[Z\]=\(([^,]+)", lines[at])
     assert found is not None
@@ -127,8 +127,8 @@ def touch(centre: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def word_of(lines: list[str], at: int, axis: str) -> float:
-    """The end coordinate of a POLY block."""
-    found = re.search(rf"PO\[{axis}\]=\(([^,)]+)", lines[at])
+    """The end coordinate of a POLY block, of an axis with a polynomial or of one that runs evenly."""
+    found = re.search(rf"(?:PO\[{axis}\]=\(|{axis})(-?[\d.]+)", lines[at])
     assert found is not None
     return float(found[1])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 
@@ -27,6 +28,20 @@ def random_program(seed: int, kinds: tuple[str, ...], mode: PathMode) -> list[ca
         program.append(motion)
         at = motion.end
     return program
+
+
+def dense_program(seed: int, mode: PathMode) -> list[canon.Command]:
+    """300 short cuts along a wave as a CAM system writes them: rounded to 1 um, so that gentle bends change sides."""
+    source = random.Random(seed)
+    step, amplitude, wave = 10 ** source.uniform(-1.3, -0.2), source.uniform(0.0, 3.0), source.uniform(2.0, 30.0)
+    points = [(0.0, 0.0, 0.0)]
+    for k in range(1, 301):
+        x = k * step
+        y, z = amplitude * math.sin(x / wave), 0.3 * amplitude * math.cos(x / wave) - 0.3 * amplitude
+        points.append((round(x, 3), round(y, 3), round(z, 3)))
+    feed = 10 ** source.uniform(2.3, 3.8)
+    cuts = [canon.Line(line, None, *ends, feed) for line, ends in enumerate(itertools.pairwise(points), start=1)]
+    return [canon.SetPathMode(0, None, mode, source.choice([None, 0.001, 0.01])), *cuts]
 
 
 def _motion(
