@@ -151,6 +151,7 @@ def test_without_pl_the_knots_are_uniform_and_clamped() -> None:
         ("BSPLINE SD=4 X1", "2 or 3"),
         ("BSPLINE SD=4", "2 or 3"),
         ("BSPLINE X1 PL=0\nX2 PL=1\nX3 PL=0\nX4 PL=0\nX5 PL=0", "too often"),
+        ("BSPLINE X1 PL=0\nX2 PL=29\nX3 PL=0\nX4 PL=0\nG1 Z1", "too often at the end"),
         ("ASPLINE X1 PL=1", "neither PL nor PW"),
         ("BSPLINE X1\nX2 SD=2", "inside a BSPLINE"),
     ],
