@@ -65,7 +65,9 @@ class BSplineBuilder(SplineBuilder):
                 text = "the BSPLINE does not end in its last point; PL=0 is expected in its last block"
                 raise self._refusal(text)
             if self._knot(count - 1) == top:
-                text = "PL=0 stands too often at the end: the BSPLINE would end before its last point; fewer are expected"
+                text = (
+                    "PL=0 stands too often at the end: the BSPLINE would end before its last point; fewer are expected"
+                )
                 raise self._refusal(text)
         self._emit(count - 1, is_last=True)
 

@@ -10,13 +10,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from planner.post.base import write_program
+from planner.post.written import ControlLimits
 from sim.interpreter import canon
 from sim.interpreter.run import Interpreter, interpret
 from sim.interpreter.settings import Settings, Tool
+from tests.planner.post.paths import job, spline, tool_path
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 CONTROL = Settings(tools={1: Tool(2.0)}, max_repeats=200)
 SEEDS = [path.read_bytes() for path in sorted(GOLDEN.rglob("*.mpf")) if path.stat().st_size < 3000]
+SEEDS += [
+    write_program(
+        job(blocks=blocks), job().operation[0], tool_path([spline(1, inner=3), spline(2)]), ControlLimits()
+    ).data
+    for blocks in ("poly", "bspline")
+]
 
 _PIECES = st.sampled_from(
     [
@@ -70,26 +79,39 @@ def test_bytes(data: bytes) -> None:
     check(data)
 
 
+def mutated(rng: random.Random) -> bytes:
+    """A golden or a program of the post with bytes flipped, dropped, doubled, or its lines shuffled."""
+    data = bytearray(rng.choice(SEEDS))
+    for _ in range(rng.randint(1, 6)):
+        place = rng.randrange(len(data) or 1)
+        match rng.randrange(4):
+            case 0:
+                data[place : place + 1] = bytes([rng.choice(b"XYZGMFRIJK=()[]0123456789.-+;:/ \n\"'")])
+            case 1:
+                del data[place : place + rng.randint(1, 4)]
+            case 2:
+                data[place:place] = data[place : place + rng.randint(1, 12)]
+            case _:
+                lines = bytes(data).split(b"\n")
+                rng.shuffle(lines)
+                data = bytearray(b"\n".join(lines))
+    return bytes(data)
+
+
 @pytest.mark.parametrize("seed", range(4))
-def test_mutated_goldens(seed: int) -> None:
-    """(6.6) Bytes flipped, dropped, doubled, lines swapped: 500 programs."""
+def test_mutated_programs(seed: int) -> None:
+    """(6.6) 500 programs."""
     rng = random.Random(seed)
     for _ in range(125):
-        data = bytearray(rng.choice(SEEDS))
-        for _ in range(rng.randint(1, 6)):
-            place = rng.randrange(len(data) or 1)
-            match rng.randrange(4):
-                case 0:
-                    data[place : place + 1] = bytes([rng.choice(b"XYZGMFRIJK=()[]0123456789.-+;:/ \n\"'")])
-                case 1:
-                    del data[place : place + rng.randint(1, 4)]
-                case 2:
-                    data[place:place] = data[place : place + rng.randint(1, 12)]
-                case _:
-                    lines = bytes(data).split(b"\n")
-                    rng.shuffle(lines)
-                    data = bytearray(b"\n".join(lines))
-        check(bytes(data))
+        check(mutated(rng))
+
+
+@pytest.mark.soak
+def test_mutated_programs_by_the_thousand() -> None:
+    """(6.6) 100,000 programs."""
+    rng = random.Random(2026)
+    for _ in range(100_000):
+        check(mutated(rng))
 
 
 @settings(max_examples=100, deadline=None)
