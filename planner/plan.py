@@ -24,7 +24,7 @@ from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
 from planner.post.base import write_program
 from planner.post.written import ControlLimits
 from planner.report import plan_report
-from planner.shapes import kind_of, shape_passes
+from planner.shapes import kind_of, shape_layout
 from planner.surface.curvature import survey
 from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
@@ -113,7 +113,7 @@ def _tool_paths(job: Job, operation: Operation, layout: Layout, control: Control
         kinds.append("free")
     radius_mm = job.tool_of(operation).radius_mm
     for kind in kinds:
-        passes = shape_passes(layout.curves, kind, operation.path_mm, radius_mm)
+        passes = shape_layout(layout, kind, operation.path_mm)
         yield ToolPath(
             passes=in_order(passes, operation.pattern),
             radius_mm=radius_mm,
@@ -153,8 +153,6 @@ def _only_operation(job: Job, path: Path) -> Operation:
         raise refuse(f"a {job.tool_of(operation).kind} tool", "use a ball-end tool")
     if operation.strategy != "parallel":
         raise refuse(f'strategy "{operation.strategy}"', 'use "parallel"')
-    if operation.edge == "roll-over":
-        raise refuse('edge "roll-over"', 'use "to-border"')
     if operation.boundary:
         raise refuse("boundary", "leave it empty")
     return operation
@@ -171,7 +169,8 @@ def _wishes(job: Job, operation: Operation, patch: NurbsPatch, path: Path) -> Wi
         angle_rad = best_angle_rad(patch, tool_side(survey(patch)), radius_mm, scallop_mm)
     else:
         angle_rad = float(np.radians(operation.angle_deg))
-    return Wishes(radius_mm, angle_rad, scallop_mm, operation.pick_feed_mm, operation.stock_to_leave_mm)
+    rolls_over = operation.edge == "roll-over"
+    return Wishes(radius_mm, angle_rad, scallop_mm, operation.pick_feed_mm, operation.stock_to_leave_mm, rolls_over)
 
 
 def _check_clearance(job: Job, layout: Layout, path: Path) -> None:

@@ -13,11 +13,10 @@ from planner.path.model import ToolPath
 from planner.path.moves import in_order
 from planner.path.spline import HEIGHTS_DEGREE
 from planner.path.strategy.parallel import Layout
-from planner.path.trace import TracedCurve
 from planner.post.base import write_program
 from planner.post.written import ControlLimits
 from planner.report import segments
-from planner.shapes import Kind, shape_passes
+from planner.shapes import Kind, shape_layout
 
 TOLERANCES_MM = (0.010, 0.001, 0.00025, 0.0001)
 KINDS: tuple[tuple[Kind, str], ...] = (
@@ -35,10 +34,9 @@ def compare_rivals(job: Job, operation: Operation, layout: Layout, control: Cont
 
     A way that this control or this tolerance cannot be written in says so in `note` and has no numbers.
     """
-    chosen = np.unique(np.linspace(0, len(layout.curves) - 1, MOST_PASSES).astype(np.intp))
-    curves = [layout.curves[index] for index in chosen]
+    chosen = np.unique(np.linspace(0, int(layout.pass_of[-1]), MOST_PASSES).astype(np.intp)).tolist()
     return [
-        _measure(job, operation, curves, kind, blocks, path_mm, control)
+        _measure(job, operation, layout, chosen, kind, blocks, path_mm, control)
         for path_mm in TOLERANCES_MM
         for kind, blocks in KINDS
     ]
@@ -47,19 +45,20 @@ def compare_rivals(job: Job, operation: Operation, layout: Layout, control: Cont
 def _measure(
     job: Job,
     operation: Operation,
-    curves: list[TracedCurve],
+    layout: Layout,
+    chosen: list[int],
     kind: Kind,
     blocks: str,
     path_mm: float,
     control: ControlLimits,
 ) -> dict[str, Any]:
     radius_mm = job.tool_of(operation).radius_mm
-    row: dict[str, Any] = {"way": kind, "path_mm": path_mm, "passes": len(curves)}
+    row: dict[str, Any] = {"way": kind, "path_mm": path_mm, "passes": len(chosen)}
     if kind == "poly" and control.poly_degree < HEIGHTS_DEGREE:
         return row | {"note": f"the control is known to read POLY of degree {control.poly_degree} only"}
     try:
         wanted = msgspec.structs.replace(operation, path_mm=path_mm)
-        passes = in_order(shape_passes(curves, kind, path_mm, radius_mm), operation.pattern)
+        passes = in_order(shape_layout(layout, kind, path_mm, chosen), operation.pattern)
         path = ToolPath(passes, radius_mm, np.zeros(0), np.zeros(0), passes[0].method)
         written = write_program(
             msgspec.structs.replace(job, post=msgspec.structs.replace(job.post, blocks=blocks)), wanted, path, control

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -10,11 +11,14 @@ import numpy as np
 from planner.errors import InputRejected
 from planner.path.arcs import arc_chain
 from planner.path.chord import paper_spline_within
-from planner.path.model import Method, Pass
+from planner.path.joint import joined
+from planner.path.model import Method, Pass, Shape
 from planner.path.polyline import lean_polyline
+from planner.path.roll import RolledSurface
 from planner.path.slope_range import patch_table
 from planner.path.slope_table import SlopeTable
 from planner.path.spline import HEIGHTS_DEGREE, fit_leanest, fit_passes
+from planner.path.strategy.parallel import Layout
 from planner.path.trace import TracedCurve
 
 Kind = Literal["poly", "free", "paper", "arcs", "linear"]
@@ -38,8 +42,37 @@ def kind_of(control: str, blocks: str, fit: Literal["free", "paper"], poly_degre
     return fit
 
 
-def shape_passes(curves: Sequence[TracedCurve], kind: Kind, path_mm: float, radius_mm: float) -> list[Pass]:
-    """One pass a curve, along +w, bounded within the fit's share of `path_mm`."""
+def shape_layout(layout: Layout, kind: Kind, path_mm: float, chosen: Sequence[int] | None = None) -> list[Pass]:
+    """The passes of a layout, or the chosen ones, along +w, bounded within the fit's share of `path_mm`.
+
+    Pieces of a pass are cubics where splines are asked for, which join into one.
+    """
+    wanted = [row for row in range(len(layout.curves)) if chosen is None or layout.pass_of[row] in chosen]
+    has_pieces = len(layout.curves) > layout.pass_of[-1] + 1
+    kind = "free" if kind == "poly" and has_pieces else kind
+    shaped: dict[int, Pass] = {}
+    # Curves over one surface are fitted and bounded together.
+    for surface in {id(layout.curves[row].surface): layout.curves[row].surface for row in wanted}.values():
+        rows = [row for row in wanted if layout.curves[row].surface is surface]
+        # What a ball beside the edge comes too near, it cuts deeper along the patch's own normal, (23).
+        kept_mm = (1 - surface.facing) * path_mm if isinstance(surface, RolledSurface) else 0.0
+        curves, left_mm = [layout.curves[row] for row in rows], path_mm - kept_mm / FIT_SHARE
+        passes = shape_passes(curves, kind, left_mm, surface.radius_mm, ends_on_curve=has_pieces)
+        for row, one in zip(rows, passes, strict=True):
+            shaped[row] = replace(one, deviation_mm=one.deviation_mm + kept_mm)
+    pieces: dict[int, list[Pass]] = {}
+    for row in wanted:
+        pieces.setdefault(int(layout.pass_of[row]), []).append(shaped[row])
+    return [joined(parts) for parts in pieces.values()]
+
+
+def shape_passes(
+    curves: Sequence[TracedCurve], kind: Kind, path_mm: float, radius_mm: float, *, ends_on_curve: bool = False
+) -> list[Pass]:
+    """One pass a curve, all over one surface, bounded within the fit's share of `path_mm`.
+
+    With `ends_on_curve` straight moves begin and end on the curve, as splines and arcs always do.
+    """
     tolerance_mm = FIT_SHARE * path_mm
     if kind in ("free", "poly"):
         fits = (fit_passes if kind == "free" else fit_leanest)(curves, tolerance_mm)
@@ -52,7 +85,11 @@ def shape_passes(curves: Sequence[TracedCurve], kind: Kind, path_mm: float, radi
         return [_paper_pass(curve, tolerance_mm, radius_mm, table) for curve in curves]
     passes = []
     for curve in curves:
-        shape, deviation_mm = (arc_chain if kind == "arcs" else lean_polyline)(curve, tolerance_mm)
+        shape: Shape
+        if kind == "arcs":
+            shape, deviation_mm = arc_chain(curve, tolerance_mm)
+        else:
+            shape, deviation_mm = lean_polyline(curve, tolerance_mm, ends_on_curve=ends_on_curve)
         passes.append(Pass(curve.plane, shape, deviation_mm, Method.SAMPLED, _NONE, curve.length_mm))
     return passes
 

@@ -12,6 +12,7 @@ from planner.path.scallop import Held
 from planner.surface.curvature import span_places
 
 Array = NDArray[np.float64]
+Domain = tuple[tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +33,15 @@ class Border:
         return np.asarray((samples + 1) % len(self.value), dtype=np.intp)
 
 
-def border_of(surface: OffsetSurface, *, spacing_mm: float, a_span: int = 6) -> Border:
-    """The border sampled so that ball centres (XY) are about `spacing_mm` apart and every span has `a_span` samples."""
+def border_of(surface: OffsetSurface, *, spacing_mm: float, domain: Domain | None = None, a_span: int = 6) -> Border:
+    """The border sampled so that ball centres (XY) are about `spacing_mm` apart and every span has `a_span` samples.
+
+    `domain`, not smaller than the patch's, asks for the ring about that domain instead.
+    """
     patch = surface.patch
-    (u_low, u_high), (v_low, v_high) = patch.domain
-    u, v = span_places(patch.basis_u, a_span), span_places(patch.basis_v, a_span)
+    (u_low, u_high), (v_low, v_high) = domain or patch.domain
+    u = np.unique(np.concatenate([[u_low], span_places(patch.basis_u, a_span), [u_high]]))
+    v = np.unique(np.concatenate([[v_low], span_places(patch.basis_v, a_span), [v_high]]))
     sides = (
         (np.stack([u, np.full_like(u, v_low)]), Held.V, v_low),
         (np.stack([np.full_like(v, u_high), v]), Held.U, u_high),

@@ -163,12 +163,23 @@ def pass_runs(
     is_cut = heights.best >= 0
     owner = np.concatenate([heights.best[is_cut], ends.gap, ends.gap + 1])
     place = np.concatenate([heights.x[is_cut], ends.cusps.x_a, ends.cusps.x_b])
-    order = np.lexsort((crossed[1], crossed[0]))
-    passes, x = crossed[0][order], crossed[1][order]
+    inside, runs = runs_inside(*crossed)
+    low, high = np.append(place, runs[:, 0]), np.append(place, runs[:, 1])
+    return joined_runs(np.append(owner, inside), np.stack([low, high], axis=1), join_mm=join_mm)
+
+
+def runs_inside(passes: Indices, x: Array) -> tuple[Indices, Array]:
+    """Where passes run inside a ring: pass (k,) and [from, to] in x (k, 2), from their crossings of it in any order."""
+    order = np.lexsort((x, passes))
+    passes, x = passes[order], x[order]
     rank = np.arange(len(passes)) - np.searchsorted(passes, passes)
     start = np.flatnonzero((rank % 2 == 0)[:-1] & (passes[1:] == passes[:-1]))
-    owner = np.concatenate([owner, passes[start]])
-    low, high = np.concatenate([place, x[start]]), np.concatenate([place, x[start + 1]])
+    return passes[start], np.stack([x[start], x[start + 1]], axis=1)
+
+
+def joined_runs(owner: Indices, pieces: Array, *, join_mm: float) -> tuple[Indices, Array]:
+    """Pieces (k, 2) of passes `owner` (k,) sorted, those of a pass nearer than `join_mm` as one."""
+    low, high = pieces.T
     order = np.lexsort((low, owner))
     runs: list[tuple[int, float, float]] = []
     for one, begin, end in zip(owner[order].tolist(), low[order].tolist(), high[order].tolist(), strict=True):

@@ -35,10 +35,11 @@ class Line:
         return self.at + (other.value(self.at) - self.height) / (self.slope - other.slope)
 
 
-def lean_polyline(curve: ExactCurve, tolerance_mm: float) -> tuple[Polyline, float]:
+def lean_polyline(curve: ExactCurve, tolerance_mm: float, *, ends_on_curve: bool = False) -> tuple[Polyline, float]:
     """The polyline with the fewest vertices within the tolerance of the curve, and its largest distance from it, mm.
 
-    Vertices may lie off the curve. Where the curve turns by more than a radian it is cut there, on the curve.
+    Vertices may lie off the curve, both ends only if `ends_on_curve` does not forbid it. Where the curve turns by more
+    than a radian it is cut there, on the curve.
     """
     arc = _sections(curve, tolerance_mm)
     points, tangents = (found[:, :, 0].T for found in CurveTable([curve]).read(np.array([0]), arc[:, None]))
@@ -52,8 +53,8 @@ def lean_polyline(curve: ExactCurve, tolerance_mm: float) -> tuple[Polyline, flo
         steep = 1.0 / (tangents[first : last + 1] @ ahead)
         width = 0.97 * tolerance_mm * steep
         # The ends are as near as the tolerance straight across, and stretches meet on the curve itself.
-        width[0] *= (first == 0) / steep[0]
-        width[-1] *= (last == len(points) - 1) / steep[-1]
+        width[0] *= (first == 0 and not ends_on_curve) / steep[0]
+        width[-1] *= (last == len(points) - 1 and not ends_on_curve) / steep[-1]
         found = _links(local[:, 0], local[:, 1], width)
         heights = np.interp(local[:, 0], found[:, 0], found[:, 1])
         deviation_mm = max(deviation_mm, float((np.abs(heights - local[:, 1]) / steep).max()))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from planner.path.offset import OffsetSurface
 from planner.surface.curvature import span_places
+from planner.surface.patch import NurbsPatch
 
 Array = NDArray[np.float64]
 
@@ -43,8 +44,8 @@ class Seeds:
 def sow(surface: OffsetSurface, *, reach_mm: float, a_span: int) -> Seeds:
     """Seeds over the patch and about `reach_mm` beyond its borders, as far as the extended patch stays a surface."""
     patch = surface.patch
-    u = _with_reach(span_places(patch.basis_u, a_span), reach_mm / _speed(surface, 0))
-    v = _with_reach(span_places(patch.basis_v, a_span), reach_mm / _speed(surface, 1))
+    u = _with_reach(span_places(patch.basis_u, a_span), reach_mm / mean_speed(patch, 0))
+    v = _with_reach(span_places(patch.basis_v, a_span), reach_mm / mean_speed(patch, 1))
     grid = np.stack([part.ravel() for part in np.meshgrid(u, v, indexing="ij")])
     found = surface.evaluate(grid[0], grid[1])
     turn = found.centre_u[0] * found.centre_v[1] - found.centre_u[1] * found.centre_v[0]
@@ -63,9 +64,8 @@ def sow(surface: OffsetSurface, *, reach_mm: float, a_span: int) -> Seeds:
     return Seeds(grid, centres, _filled(cells), low, cell_mm)
 
 
-def _speed(surface: OffsetSurface, axis: int) -> float:
+def mean_speed(patch: NurbsPatch, axis: int) -> float:
     """Mean length of the derivative along u (0) or v (1), mm a unit of the parameter."""
-    patch = surface.patch
     u, v = (part.ravel() for part in np.meshgrid(patch.basis_u.starts, patch.basis_v.starts, indexing="ij"))
     found = patch.evaluate(u, v)
     return float(np.mean(np.linalg.norm((found.du, found.dv)[axis], axis=0)))

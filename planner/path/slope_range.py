@@ -10,6 +10,7 @@ import numpy as np
 from planner.path.curve import ExactCurve
 from planner.path.model import Array, Method
 from planner.path.plane_spline import Index
+from planner.path.roll import RolledSurface
 from planner.path.slope_table import MOST_CELLS, SlopeTable, slope_table
 from planner.path.trace import TracedCurve
 
@@ -72,6 +73,8 @@ def _on_one_patch(curves: Sequence[ExactCurve]) -> list[TracedCurve]:
     if not traced or len(traced) < len(curves):
         return []
     surface = traced[0].surface
+    if isinstance(surface, RolledSurface):
+        return []
     return traced if all(curve.surface is surface for curve in traced) else []
 
 

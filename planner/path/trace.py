@@ -159,21 +159,24 @@ def solve_on_planes(
 ) -> tuple[CurveSamples, NDArray[np.bool_]]:
     """The curve points at places w (k,) in the planes at these offsets (k,), from guesses (2, k) of (u, v).
 
-    Returns the samples and, per point, whether Newton's method found it.
+    Returns the samples and, per point, whether Newton's method found it. What whole steps leap over again and again,
+    as they may where the surface changes its curvature, half steps get to.
     """
     target = np.stack([w_mm, offsets_mm])
     parameters, found, is_found = locate(surface, target, guess, residual_mm=1e-11, steps=40)
+    if not is_found.all():
+        parameters, found, is_found = locate(surface, target, guess, residual_mm=1e-11, steps=80, share=0.5)
     return _samples(found, parameters, w_mm), is_found
 
 
 def locate(
-    surface: OffsetSurface, target_xy: Array, guess: Array, *, residual_mm: float, steps: int
+    surface: OffsetSurface, target_xy: Array, guess: Array, *, residual_mm: float, steps: int, share: float = 1.0
 ) -> tuple[Array, OffsetPoints, NDArray[np.bool_]]:
     """The parameters (2, k) whose ball centres stand at XY `target_xy` (2, k), eq. (6), with the points there.
 
-    Damped by limiting a step to a quarter of the domain; at most `steps` steps, each on the points still open. The
-    last step, from a residual below sqrt(residual_mm) / 4, is carried into centre and normal by their derivatives: what
-    it leaves is of the order of its square.
+    Damped by limiting a step to a quarter of the domain; at most `steps` steps, each on the points still open and of
+    this `share` of Newton's. The last step, from a residual below sqrt(residual_mm) / 4, is carried into centre and
+    normal by their derivatives: what it leaves is of the order of its square.
     """
     (u_low, u_high), (v_low, v_high) = surface.patch.domain
     limit = 0.25 * np.array([[u_high - u_low], [v_high - v_low]])
@@ -187,7 +190,7 @@ def locate(
             break
         chosen = np.flatnonzero(is_far)
         step = _solve_2x2(found.centre_u[:2, chosen], found.centre_v[:2, chosen], short[:, chosen])
-        parameters[:, chosen] += np.clip(np.where(np.isfinite(step), step, 0.0), -limit, limit)
+        parameters[:, chosen] += share * np.clip(np.where(np.isfinite(step), step, 0.0), -limit, limit)
         part = surface.evaluate(parameters[0, chosen], parameters[1, chosen])
         found = part if len(chosen) == len(is_far) else _replace(found, part, chosen)
     short = target_xy - found.centre[:2]

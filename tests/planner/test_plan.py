@@ -115,7 +115,6 @@ def test_planning_twice_gives_the_same_bytes(tmp_path: Path) -> None:
         ([("path_mm = 0.001", "path_mm = 0.09")], None, r"leaves nothing beside path_mm"),
         ([("path_mm = 0.001", "path_mm = 1e-9")], None, r"path_mm 1e-09 is finer"),
         ([('strategy = "parallel"', 'strategy = "isoparametric"')], None, "not built yet"),
-        ([('edge = "to-border"', 'edge = "roll-over"')], None, "not built yet"),
         ([('kind = "ball"', 'kind = "bull"\ncorner_radius_mm = 1.0')], None, "not built yet"),
         ([("angle_deg = 0.0", "angle_deg = 0.0\nboundary = [[[0, 0], [1, 0], [1, 1]]]")], None, "not built yet"),
         (

@@ -15,21 +15,27 @@ from planner.path.offset import OffsetSurface
 from planner.path.peaks import Ground, Peaks, lay_ground, survey
 from planner.path.pick_feed import ChainEnd, even_planes, local_pick_feed, solve_pick_feeds
 from planner.path.seeds import Seeds, sow
+from planner.path.strategy.roll_over import roll_over, within_patch
 from planner.path.trace import TracedCurve, trace
 from planner.surface.curvature import survey as survey_patch
 from planner.surface.patch import NurbsPatch
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+FURTHEST_OUT = 0.6  # of the ball's radius, past the edge
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
     """Traced passes in order, and what they leave: `planes_mm` (planes,), `peaks` of the gaps between planes.
 
-    `gouge_mm` is the deepest that a ball touching one place of the patch was found to cut into another.
+    `pass_of[i]` is the pass that curve i is a piece of; pieces of a pass follow each other. `gouge_mm` is the deepest
+    that a ball touching one place of the patch was found to cut into another.
     """
 
     curves: tuple[TracedCurve, ...]
+    pass_of: Indices
     planes_mm: Array
     peaks: Peaks
     ground: Ground
@@ -45,6 +51,7 @@ class Wishes:
     scallop_mm: float | None
     pick_feed_mm: float | None
     stock_mm: float = 0.0
+    rolls_over: bool = False
 
 
 def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float, reading_mm: float = 1e-5) -> Layout:
@@ -63,8 +70,10 @@ def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float, readi
         assert wishes.pick_feed_mm is not None
         planes_mm = even_planes(ground, wishes.pick_feed_mm)
         peaks = survey(ground, planes_mm, wishes.pick_feed_mm**2 / (8 * wishes.radius_mm))[0]
+    if wishes.rolls_over:
+        return _over_the_edge(ground, planes_mm, peaks, wishes, accuracy_mm, reading_mm)
     curves = run_passes(ground, planes_mm, wishes.angle_rad, accuracy_mm=reading_mm)
-    return Layout(tuple(curves), planes_mm, peaks, ground, gouge_mm)
+    return Layout(tuple(curves), np.arange(len(curves)), planes_mm, peaks, ground, gouge_mm)
 
 
 def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
@@ -74,8 +83,7 @@ def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
     check_creases(patch)
     check_radius(seen, side, wishes.radius_mm + wishes.stock_mm)
     surface = OffsetSurface(patch.turned(wishes.angle_rad), wishes.radius_mm, side, wishes.stock_mm)
-    spans = len(patch.basis_u.starts) * len(patch.basis_v.starts)
-    seeds = sow(surface, reach_mm=2 * wishes.radius_mm, a_span=2 if spans > 400 else 4 if spans > 25 else 16)
+    seeds = _seeds(surface, 2 * wishes.radius_mm)
     if wishes.pick_feed_mm is not None:
         least_mm = wishes.pick_feed_mm
     else:
@@ -84,6 +92,12 @@ def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
         least_mm = float(local_pick_feed(surface, inside, wishes.scallop_mm).min())
     _check_count(surface, seeds, least_mm, "scallop_mm" if wishes.pick_feed_mm is None else "pick_feed_mm")
     return lay_ground(surface, seeds, pick_feed_mm=least_mm)
+
+
+def _seeds(surface: OffsetSurface, reach_mm: float) -> Seeds:
+    """Seeds over the patch and this far beyond it, as dense as spans are few."""
+    spans = len(surface.patch.basis_u.starts) * len(surface.patch.basis_v.starts)
+    return sow(surface, reach_mm=reach_mm, a_span=2 if spans > 400 else 4 if spans > 25 else 16)
 
 
 def _check_count(surface: OffsetSurface, seeds: Seeds, pick_feed_mm: float, key: str, most: int = 20_000) -> None:
@@ -102,6 +116,35 @@ def _place(peaks: Peaks) -> str:
         return ""
     u, v = peaks.foot[:, int(np.argmax(peaks.height_mm))]
     return f", near (u, v) = ({u:.4g}, {v:.4g})"
+
+
+def _over_the_edge(
+    ground: Ground, planes_mm: Array, within: Peaks, wishes: Wishes, accuracy_mm: float, reading_mm: float
+) -> Layout:
+    """The passes in these planes, and more, over the edge of the patch; `within` are the peaks up to the border."""
+    out_mm = min(_feed_at_border(ground, wishes), FURTHEST_OUT * wishes.radius_mm)
+    rolling = roll_over(ground.surface, planes_mm, out_mm=out_mm, pick_feed_mm=wishes.pick_feed_mm)
+    seeds = _seeds(rolling.surface, 1.1 * out_mm)
+    gouge_mm = check_reach(rolling.surface, seeds.within(rolling.surface.rim), accuracy_mm)
+    planes = [DrivingPlane(wishes.angle_rad, float(rolling.planes_mm[one])) for one in rolling.plane]
+    spacing_mm = ground.station_mm / 2
+    curves = trace(rolling.surface, seeds, planes, rolling.runs, spacing_mm=spacing_mm, accuracy_mm=reading_mm)
+    return Layout(
+        tuple(within_patch(curve, ground.surface) for curve in curves),
+        rolling.owner,
+        rolling.planes_mm,
+        rolling.peaks_of(within),
+        ground,
+        gouge_mm,
+    )
+
+
+def _feed_at_border(ground: Ground, wishes: Wishes) -> float:
+    """The pick feed, or the largest that the scallop allows anywhere at the border, (15)."""
+    if wishes.pick_feed_mm is not None:
+        return wishes.pick_feed_mm
+    assert wishes.scallop_mm is not None
+    return float(local_pick_feed(ground.surface, ground.border.parameters, wishes.scallop_mm).max())
 
 
 def run_passes(ground: Ground, planes_mm: Array, angle_rad: float, *, accuracy_mm: float) -> list[TracedCurve]:
