@@ -49,6 +49,12 @@ def line_of(profile: MachineProfile) -> tuple[int, float]:
     return profile.link.baud, 1 + int(data) + (parity != "N") + float(stop)
 
 
+def travel_of(profile: MachineProfile) -> tuple[float, float, float]:
+    """How far the axes X, Y and Z go, mm."""
+    x, y, z = (axis.max_mm - axis.min_mm for axis in (profile.axes["X"], profile.axes["Y"], profile.axes["Z"]))
+    return x, y, z
+
+
 def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
     """Raises InputRejected where a file to be written is also read, is written twice, or lies in no folder."""
     read, written = {path.resolve() for path in inputs}, set[Path]()

@@ -16,6 +16,9 @@ from planner.errors import InputRejected
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
+Feed = Annotated[float, Meta(ge=0.001, le=999_999.999)]  # what an F word can say
+SpindleSpeed = Annotated[float, Meta(gt=0, le=999_999.999)]
+Dwell = Annotated[float, Meta(ge=0, le=3600)]
 Xy = tuple[float, float]
 Xyz = tuple[float, float, float]
 
@@ -58,8 +61,8 @@ class Operation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     tool: int
     path_mm: Positive
-    cut_mm_min: Positive
-    spindle_rpm: Positive
+    cut_mm_min: Feed
+    spindle_rpm: SpindleSpeed
     strategy: Literal["parallel", "isoparametric", "constant-scallop"] = "parallel"
     angle_deg: float | Literal["auto"] = 0.0
     pattern: Literal["zigzag", "one-way"] = "zigzag"
@@ -69,8 +72,8 @@ class Operation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     fit: Literal["free", "paper"] = "free"
     stock_to_leave_mm: NotNegative = 0.0
     boundary: tuple[tuple[Xy, ...], ...] = ()
-    plunge_mm_min: Positive = 100.0
-    spindle_dwell_s: NotNegative = 0.0
+    plunge_mm_min: Feed = 100.0
+    spindle_dwell_s: Dwell = 0.0
     coolant: Literal["off", "flood", "mist"] = "off"
 
 
@@ -108,9 +111,25 @@ def load_job(path: Path) -> Job:
     job, lines = tomlfile.load(path, Job)
     if job.setup.safe_z_mm < job.setup.clearance_z_mm:
         _reject(path, lines, ("setup", "safe_z_mm"), "safe_z_mm is below clearance_z_mm", "raise it")
+    _check_box(job.setup, path, lines)
+    for index, tool in enumerate(job.tool):
+        if tool.length_mm is not None and tool.length_mm <= tool.radius_mm:
+            what = f"length_mm {tool.length_mm:g} is not above the tool's radius {tool.radius_mm:g}"
+            _reject(path, lines, ("tool", index, "length_mm"), what, "give the length out of the holder")
     for index, operation in enumerate(job.operation):
         _check_operation(job, operation, ("operation", index), path, lines)
     return job
+
+
+def _check_box(setup: Setup, path: Path, lines: dict[tomlfile.KeyPath, int]) -> None:
+    """Raises InputRejected where the billet has no inside."""
+    if setup.stock_box_mm is None:
+        return
+    low, high = setup.stock_box_mm
+    for axis, below, above in zip("XYZ", low, high, strict=True):
+        if below >= above:
+            what = f"stock_box_mm runs from {axis}{below:g} to {axis}{above:g}"
+            _reject(path, lines, ("setup", "stock_box_mm"), what, "give the lowest corner first, then the highest")
 
 
 def _check_operation(

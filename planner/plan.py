@@ -18,7 +18,7 @@ from planner.errors import InputRejected
 from planner.job import Job, Operation, load_job
 from planner.path.gouge import tool_side
 from planner.path.model import Method, ToolPath
-from planner.path.moves import in_order
+from planner.path.moves import in_order, nodes_of
 from planner.path.strategy.angle import best_angle_rad
 from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
 from planner.post.base import write_program
@@ -58,12 +58,13 @@ def plan_job(
     with_rivals: bool = False,
     lift_mm: float = 0.0,
     time_of: Callable[[bytes], float] | None = None,
+    travel_mm: tuple[float, float, float] | None = None,
 ) -> Planned:
     """Plan the job in this file for a control.
 
     `post` overrides keys of the job's `[post]` table; `line` is (baud, bits a character) of the machine's own line;
     `lift_mm` raises the whole program for an air cut; `time_of` tells the machining time of a program in s, in place
-    of programmed speeds alone.
+    of programmed speeds alone; `travel_mm` is how far the machine's axes X, Y, Z go.
     Raises InputRejected with one sentence for whatever cannot be planned.
     """
     job = load_job(job_path)
@@ -84,6 +85,8 @@ def plan_job(
         key=lambda made: len(made[1].data),
     )
     planning_s = time.perf_counter() - begin
+    if travel_mm is not None:
+        _check_travel(job, tool_path, travel_mm, job_path)
     report = plan_report(
         job, operation, tool_path, layout, written, line=line, rapid_mm_min=rapid_mm_min, planning_time_s=planning_s
     )
@@ -183,6 +186,19 @@ def _check_clearance(job: Job, layout: Layout, path: Path) -> None:
         asked = f"clearance_z_mm {job.setup.clearance_z_mm:g}"
         what = f"{asked} is not above {surface.patch.name}, which reaches Z{top_mm:.3f}"
         raise InputRejected(what, path=path, remedy="give clearance_z_mm and safe_z_mm above the part and its clamps")
+
+
+def _check_travel(job: Job, tool_path: ToolPath, travel_mm: tuple[float, float, float], path: Path) -> None:
+    """Raises InputRejected where the program reaches further along an axis than the machine goes."""
+    points = [one.plane.to_work(nodes_of(one.shape)) for one in tool_path.passes]
+    low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
+    # Centres of the ball so far; a programmed tip stands lower.
+    high[2] = job.setup.safe_z_mm + (tool_path.radius_mm if job.post.reference == "tip" else 0.0)
+    for axis, span_mm, most_mm in zip("XYZ", high - low, travel_mm, strict=True):
+        if span_mm > most_mm:
+            what = f"the program reaches over {span_mm:.4g} mm along {axis}, the machine over {most_mm:g}"
+            remedy = "lower safe_z_mm and clearance_z_mm" if axis == "Z" else "cut the part in pieces"
+            raise InputRejected(what, path=path, remedy=remedy)
 
 
 def _warnings(operation: Operation, report: dict[str, Any], line: tuple[int, float]) -> list[str]:

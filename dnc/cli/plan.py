@@ -43,7 +43,7 @@ def command(
     """
     import json
 
-    from dnc.planning import check_outputs, limits_of, line_of, machining_clock, write_file
+    from dnc.planning import check_outputs, limits_of, line_of, machining_clock, travel_of, write_file
     from dnc.profile import load_profile, profile_path
     from planner.job import load_job
     from planner.plan import plan_job
@@ -71,6 +71,7 @@ def command(
         with_rivals=report is not None or as_json,
         lift_mm=lift,
         time_of=machining_clock(profile_file),
+        travel_mm=travel_of(profile),
     )
     text = json.dumps(planned.report, indent=1) + "\n"
     if plot is not None:

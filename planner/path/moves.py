@@ -59,10 +59,14 @@ def air_moves(passes: Sequence[Pass], clearance_z_mm: float, safe_z_mm: float) -
     return AirMoves(lifts + across + 2 * (safe_z_mm - clearance_z_mm), plunge)
 
 
+def nodes_of(shape: Shape) -> Array:
+    """Control points or vertices of a shape in its plane, (n, 2) of (w, z), mm; the first and last are its ends."""
+    return shape.control_points if isinstance(shape, PlaneSpline) else shape.points
+
+
 def end_points(shape: Shape) -> Array:
     """First and last point of a shape in its plane, (2, 2) of (w, z), mm."""
-    points = shape.control_points if isinstance(shape, PlaneSpline) else shape.points
-    return points[[0, -1]]
+    return nodes_of(shape)[[0, -1]]
 
 
 def _reversed(one: Pass) -> Pass:

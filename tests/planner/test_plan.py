@@ -124,6 +124,17 @@ def test_planning_twice_gives_the_same_bytes(tmp_path: Path) -> None:
         ),
         ([("scallop_mm = 0.08", "pick_feed_mm = 1e-5")], None, r"patch 1 is .* mm: pick_feed_mm asks for .* passes"),
         ([("surface.toml", "absent.toml")], None, r"absent\.toml: cannot be read"),
+        (
+            [("safe_z_mm = 50.0", "safe_z_mm = 1e9")],
+            None,
+            r"over 1e\+09 mm along Z, the machine over 1000; lower",
+        ),
+        ([("plunge_mm_min = 100.0", "plunge_mm_min = 1e-9")], None, r"job\.toml:\d+: .*plunge_mm_min"),
+        ([("cut_mm_min = 250.0", "cut_mm_min = 1e9")], None, r"job\.toml:\d+: .*cut_mm_min"),
+        ([("spindle_rpm = 1000.0", "spindle_rpm = 1e9")], None, r"job\.toml:\d+: .*spindle_rpm"),
+        ([("spindle_dwell_s = 2.0", "spindle_dwell_s = 1e9")], None, r"job\.toml:\d+: .*spindle_dwell_s"),
+        ([("[52, 52, 4]", "[52, 52, -20]")], None, r"job\.toml:\d+: stock_box_mm runs from Z-20 to Z-20"),
+        ([("length_mm = 60.0", "length_mm = 4.0")], None, r"job\.toml:\d+: length_mm 4 is not above"),
     ],
 )
 def test_what_cannot_be_planned_is_one_sentence_and_leaves_no_file(
