@@ -1,7 +1,8 @@
 """The highest cusp of every gap and the greatest heights on the border: continuous maxima, not samples.
 
 A cusp line's maximum is an end of the line on the border or a place where its slope along the pass is zero
-(eqs. 3.20-3.24 of the thesis). Stations along each line only find where the slope changes its sign.
+(eqs. 3.20-3.24 of the thesis). Stations along each line find where the slope changes its sign; they stand closer where
+the line between two of them, read from these, does not agree with the line itself.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from planner.path.coverage import (
     stretches,
 )
 from planner.path.offset import OffsetSurface
-from planner.path.scallop import Cusps, Held, Reaches, solve_reaches
+from planner.path.scallop import CuspGuess, Cusps, Held, Reaches, solve_reaches
 from planner.path.seeds import Seeds
 
 Array = NDArray[np.float64]
@@ -70,6 +71,8 @@ def survey(ground: Ground, planes_mm: Array, height_mm: float, *, coarse: int = 
     gaps, start, stop = stretches(ends)
     stretch, x = _stations(start, stop, coarse * ground.station_mm)
     inner = inner_cusps(ground.surface, ground.seeds, planes_mm, gaps[stretch], x, height_mm)
+    if coarse == 1:
+        inner, stretch = _closer(ground, inner, stretch, planes_mm, ends, within_mm=1e-4 * height_mm)
     tops = _tops(ground, inner, stretch, planes_mm)
     missed = int((~inner.cusps.is_found).sum())
     return _peaks(ground, heights, planes_mm, ends, tops, missed), tops
@@ -120,6 +123,56 @@ def _stations(start: Array, stop: Array, spacing_mm: float) -> tuple[Indices, Ar
     rank = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     share = rank / (counts[owner] - 1)
     return owner, start[owner] + share * (stop - start)[owner]
+
+
+def _closer(
+    ground: Ground,
+    inner: GapCusps,
+    stretch: Indices,
+    planes_mm: Array,
+    ends: GapCusps,
+    *,
+    within_mm: float,
+    rounds: int = 8,
+) -> tuple[GapCusps, Indices]:
+    """Stations halved until cubics (14) read every line within `within_mm` where it may be the highest of its gap.
+
+    The middle between two stations is solved and held against the cubic through their heights and slopes.
+    """
+    highest = np.zeros(len(planes_mm))
+    for known in (inner, ends):
+        np.maximum.at(highest, known.gap, np.where(known.cusps.is_found, known.cusps.height_mm, 0.0))
+    left = np.flatnonzero(stretch[1:] == stretch[:-1])
+    for _ in range(rounds):
+        low, high = inner.cusps.take(left), inner.cusps.take(left + 1)
+        near = CuspGuess(*((one + other) / 2 for one, other in zip(_start(low), _start(high), strict=True)))
+        run = high.x - low.x
+        gap = inner.gap[left]
+        middle = inner_cusps(ground.surface, ground.seeds, planes_mm, gap, low.x + run / 2, 0.0, near)
+        height, slope = middle.cusps.height_mm, middle.cusps.slope
+        read = (low.height_mm + high.height_mm) / 2 + run / 8 * (low.slope - high.slope)
+        turn = 1.5 * (high.height_mm - low.height_mm) - run / 4 * (low.slope + high.slope) - run * slope
+        off = np.maximum(np.abs(height - read), np.abs(turn) / 4)
+        np.maximum.at(highest, gap, np.where(middle.cusps.is_found, height, 0.0))
+        # Between two stations a cubic rises above the higher of them by at most a quarter of run times slope.
+        climb = run / 4 * np.maximum(np.abs(low.slope), np.abs(high.slope))
+        top = np.maximum(height, np.maximum(low.height_mm, high.height_mm)) + climb + 4 * off
+        is_open = middle.cusps.is_found & (off > within_mm) & (top > highest[gap])
+        inner = inner.with_more(middle)
+        stretch = np.append(stretch, stretch[left])
+        is_new = np.append(np.zeros(len(stretch) - len(left), dtype=bool), is_open)
+        order = np.lexsort((inner.cusps.x, stretch))
+        inner, stretch, is_new = GapCusps(inner.gap[order], inner.cusps.take(order)), stretch[order], is_new[order]
+        at = np.flatnonzero(is_new)
+        if not len(at):
+            break
+        left = np.sort(np.append(at - 1, at))
+    return inner, stretch
+
+
+def _start(cusps: Cusps) -> tuple[Array, ...]:
+    """Foot, height and both balls, as CuspGuess has them."""
+    return cusps.foot, cusps.height_mm, cusps.on_a, cusps.on_b
 
 
 def _tops(ground: Ground, inner: GapCusps, stretch: Indices, planes_mm: Array, rounds: int = 3) -> GapCusps:

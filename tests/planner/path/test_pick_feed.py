@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.optimize import fsolve, minimize_scalar
 from planner.errors import InputRejected
 from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
+from planner.path.peaks import survey
 from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
 from planner.path.trace import trace
 from planner.surface.patch import NurbsPatch
@@ -69,6 +71,14 @@ def test_every_gap_reaches_the_target_and_none_exceeds_it(name: str, scallop_mm:
     inner = heights[:-1][heights[:-1] > 0]
     assert len(inner) >= len(heights) - 3, "at most the first and last gaps may miss the patch"
     assert inner.min() >= 0.995 * scallop_mm
+
+
+@pytest.mark.parametrize(("seed", "scallop_mm", "angle_deg"), [(1, 0.08, 45.0), (1, 0.01, 28.0), (4, 0.08, 28.0)])
+def test_no_maximum_hides_between_two_stations(seed: int, scallop_mm: float, angle_deg: float) -> None:
+    """(4.1) Ten times as many stations find nothing higher; the first of these once hid 0.53 um."""
+    layout = planned(wavy_patch(seed, size_mm=40.0, height_mm=0.5), scallop_mm, angle_deg)
+    dense = replace(layout.ground, station_mm=layout.ground.station_mm / 10)
+    assert survey(dense, layout.planes_mm, scallop_mm)[0].height_mm.max() <= (1 + 1e-4) * scallop_mm
 
 
 def test_fine_scallops_on_a_wavy_surface_at_an_odd_angle() -> None:
