@@ -45,6 +45,7 @@ _STAMP_LINES = 10
 _NUMBER = rb"-?(?:\d+\.?\d*|\.\d+)"
 _WORDS = rb"(?:[XYZF]%b|PO\[[XYZ]\]=\((?:%b,)*%b\)) ?" % (_NUMBER, _NUMBER, _NUMBER)
 _PLAIN = re.compile(rb"(?:N(\d{1,8}) ?)?(?:G0?([01]) ?(?:G9 ?)?|(POLY) )?(?:%b)+(PL=%b ?)?" % (_WORDS, _NUMBER))
+_POINT = re.compile(rb"[XYZ][-.\d]")
 _MOST_ALARMS = 100
 _MOST_SIZES = 10_000
 _CHUNK_BYTES = 1 << 18
@@ -167,9 +168,11 @@ class Check:
     def _plain(self, body: bytes, line: int) -> bool:
         """A block of plain coordinates, which only its number can make wrong; False for any other."""
         found = _PLAIN.fullmatch(body)
-        code = None if found is None else f"G{found[2].decode()}" if found[2] else "POLY" if found[3] else None
-        if found is None or (code is not None and self.track.motion_code == "BSPLINE"):
-            return False  # a code ends the spline, and then there are rules
+        if found is None:
+            return False
+        code = f"G{found[2].decode()}" if found[2] else "POLY" if found[3] else None
+        if self.track.motion_code == "BSPLINE" and (code is not None or _POINT.search(body) is None):
+            return False  # a code ends the spline, and a feed alone is no point of it
         number = int(found[1]) if found[1] else None
         if number is not None:
             block = Block(line, number)

@@ -79,6 +79,7 @@ def test_every_golden(path: Path) -> None:
 SPLINES = """N1 BSPLINE X2 Z1.5 PL=0 F250
 N2 X3Z2PL=4
 X4 Z1 PL=3
+F300
 N3 X5 PL=0
 N3 G1 X9
 BSPLINE X10
