@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from dnc.errors import InputRejected
-from planner.gcode import SyntaxProblem, decimal_text, read_block, rounded_units
+from planner.gcode import SyntaxProblem, decimal_text, read_block, rounded_units, value_text
 from sim.interpreter import canon
 from sim.interpreter.frames import IDENTITY
 from sim.interpreter.mapping import mapping_of
@@ -178,7 +178,7 @@ def _restart(data: bytes, place: _Place, heights: Heights, settings: Settings | 
         safe = last_safe_line(data, place.line, settings)
         remedy = f"restart at line {safe}" if safe is not None else "run the program from its start"
         raise InputRejected(f"line {place.line}: {place.obstacle}", remedy=remedy)
-    parameters = [f"R{number}={_text(value)}" for number, value in sorted(place.parameters.items())]
+    parameters = [f"R{number}={value_text(value)}" for number, value in sorted(place.parameters.items())]
     preamble = (*parameters, *_preamble(state, heights, settings or Settings()))
     return RestartPoint(place.line, place.number, place.offset_bytes, state.position_mm, preamble, state.is_inch)
 

@@ -70,6 +70,16 @@ def rounded_units(value: float, decimals: int) -> int:
     return round(value * 10.0**decimals)
 
 
+def value_text(value: float) -> str:
+    """A number to be calculated with, in twelve significant digits however small or large it is.
+
+    >>> value_text(2.5), value_text(-1 / 3), value_text(2.5e-7), value_text(-4.0)
+    ('2.5', '-0.333333333333', '2.5EX-7', '-4')
+    """
+    mantissa, _, exponent = f"{value:.12g}".partition("e")
+    return f"{mantissa}EX{int(exponent)}" if exponent else mantissa
+
+
 def number_word(address: str, value: float, decimals: int, *, keeps_point: bool = False) -> Word:
     """A word with `value` rounded to `decimals` digits; its `.value` is the number as written.
 

@@ -153,6 +153,13 @@ def test_r_parameters_are_restored() -> None:
     assert cutting(commands[before:])[0].end[0] == 20.0 + 1.0
 
 
+def test_r_parameters_are_restored_however_small_or_large() -> None:
+    """(6.8) The coefficient of a square, lost at the sixth decimal, would be a quarter of a millimetre in Z."""
+    data = (HEAD + "R1=2.5EX-7 R2=-1/3 R3=2.5EX9\nG1 Z1 F100\nX10 F250\nX20 Z=R1*1EX6+R2*3+R3/1EX9\nM30\n").encode()
+    commands, before = run_from(data, restart_at_line(data, len(HEAD.splitlines()) + 4, HEIGHTS))
+    assert cutting(commands[before:])[0].end[2] == pytest.approx(3.0 + 0.25 - 1.0 + 2.5, abs=1e-9)
+
+
 def test_an_offset_that_is_not_the_reference_is_respected() -> None:
     """Position words count in the offset and frame that are active at the block (6.8)."""
     settings = Settings(work_offsets_mm={"G54": (100.0, 0.0, 0.0), "G55": (0.0, 50.0, 7.0)}, start_mm=(0, 0, 300))
