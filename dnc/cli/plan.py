@@ -61,6 +61,9 @@ def command(
 
         write_file(output, knot_test_program(asked.setup.safe_z_mm))
         return 0
+    is_reported = report is not None or as_json
+    # The machine's own clock takes as long as the planning itself: it runs only where its figure is shown.
+    clock = machining_clock(profile_file) if is_reported or sheet is not None else None
     changes: dict[str, Any] = {"control": control, "blocks": blocks}
     planned = plan_job(
         job,
@@ -68,9 +71,9 @@ def command(
         post={key: value for key, value in changes.items() if value is not None},
         rapid_mm_min=min(axis.rapid_mm_min for axis in profile.axes.values()),
         line=line_of(profile),
-        with_rivals=report is not None or as_json,
+        with_rivals=is_reported,
         lift_mm=lift,
-        time_of=machining_clock(profile_file),
+        time_of=clock,
         travel_mm=travel_of(profile),
     )
     text = json.dumps(planned.report, indent=1) + "\n"
