@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import socket
 import threading
+import time
 import urllib.parse
 
 import serial
@@ -15,6 +17,8 @@ from dnc.port import FLOWS
 from dnc.profile import Link
 
 _CHUNK_BYTES = 4096
+_CONNECT_S = 5.0
+_LINGER_S = 2.0
 
 
 class UrlPort:
@@ -25,27 +29,23 @@ class UrlPort:
 
     def __init__(self, name: str, link: Link) -> None:
         self.name = self.identity = name
-        _refuse_address(name)
+        self._is_purged = False
+        host, number = _address(name)
         self.flow = FLOWS[link.handshake]
         if link.handshake not in ("xonxoff", "none"):
             raise PortUnavailable(f"{name}: handshake {link.handshake} does not reach across a network; use xonxoff")
+        self._connection: socket.socket | None = None
+        self._bridge: _Bridge | None = None
         try:
-            self._serial = serial.serial_for_url(
-                name,
-                baudrate=link.baud,
-                bytesize=int(link.format[0]),
-                parity=link.format[1],
-                stopbits=float(link.format[2:]),
-                timeout=0.2,
-            )
+            if name.startswith("socket://"):
+                self._connection = socket.create_connection((host, number), _CONNECT_S)
+                self._connection.setblocking(False)
+                self._fd = self._connection.fileno()
+            else:
+                self._bridge = _Bridge(_device_server(name, link))
+                self._fd = self._bridge.fileno()
         except (serial.SerialException, OSError, ValueError) as problem:
             raise PortUnavailable(f"{name} cannot be opened: {_reason(problem)}") from None
-        if name.startswith("socket://"):
-            self._fd = self._serial.fileno()
-            self._bridge = None
-        else:
-            self._bridge = _Bridge(self._serial)
-            self._fd = self._bridge.fileno()
 
     def fileno(self) -> int:
         """The descriptor, for select."""
@@ -85,26 +85,48 @@ class UrlPort:
         return ""
 
     def purge(self) -> None:
-        """What has been given to the network cannot be called back."""
+        """What has been given to the network cannot be called back; closing then waits for none of it."""
+        self._is_purged = True
 
     def close(self) -> bool:
-        """Let go of the connection."""
-        with contextlib.suppress(OSError, serial.SerialException):
-            self._serial.close()
+        """Let go of the connection, once what is under way has arrived or the other end takes too long."""
+        if self._connection is not None:
+            if not self._is_purged:
+                _hear_out(self._connection)
+            self._connection.close()
         if self._bridge is not None:
             self._bridge.close()
         return True
 
 
-def _refuse_address(name: str) -> None:
-    """Raise PortUnavailable for what is no address of a device server."""
-    try:
+def _hear_out(connection: socket.socket) -> None:
+    """Say that nothing follows, then read what still comes: closed with bytes unread, a socket drops those unsent."""
+    until_s = time.monotonic() + _LINGER_S
+    with contextlib.suppress(OSError):
+        connection.shutdown(socket.SHUT_WR)
+        while (left_s := until_s - time.monotonic()) > 0:
+            if select.select([connection], [], [], left_s)[0] and not connection.recv(_CHUNK_BYTES):
+                break
+
+
+def _address(name: str) -> tuple[str, int]:
+    """Host and port of a device server; raises PortUnavailable for what is no address of one."""
+    with contextlib.suppress(ValueError):
         parts = urllib.parse.urlsplit(name)
-        is_address = parts.scheme in ("socket", "rfc2217") and bool(parts.hostname) and bool(parts.port)
-    except ValueError:
-        is_address = False
-    if not is_address:
-        raise PortUnavailable(f"{name} is no address; write socket://host:port or rfc2217://host:port")
+        if parts.scheme in ("socket", "rfc2217") and parts.hostname and parts.port:
+            return parts.hostname, parts.port
+    raise PortUnavailable(f"{name} is no address; write socket://host:port or rfc2217://host:port")
+
+
+def _device_server(name: str, link: Link) -> serial.Serial:
+    return serial.serial_for_url(
+        name,
+        baudrate=link.baud,
+        bytesize=int(link.format[0]),
+        parity=link.format[1],
+        stopbits=float(link.format[2:]),
+        timeout=0.2,
+    )
 
 
 class _Bridge:
@@ -123,6 +145,8 @@ class _Bridge:
         return self._ours.fileno()
 
     def close(self) -> None:
+        with contextlib.suppress(OSError, serial.SerialException):
+            self._port.close()
         for end in (self._theirs, self._ours):
             with contextlib.suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
@@ -155,7 +179,7 @@ class _Bridge:
 
 
 def _reason(problem: Exception) -> str:
-    cause = problem.__context__
-    if isinstance(cause, OSError) and cause.strerror:
-        return cause.strerror
+    for cause in (problem, problem.__context__):
+        if isinstance(cause, OSError) and cause.strerror:
+            return cause.strerror
     return str(problem).splitlines()[0]

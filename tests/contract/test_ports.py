@@ -205,3 +205,26 @@ def test_what_is_no_address_is_refused_in_one_sentence(address: str) -> None:
     """(2.7, 5.3)"""
     with pytest.raises(PortUnavailable, match=r"is no address; write socket://host:port or rfc2217://host:port$"):
         UrlPort(address, Link())
+
+
+def test_closing_a_socket_drops_nothing_though_the_control_was_not_heard_out() -> None:
+    """(1.3, 5.5) An XON that nobody reads any more must not cost the end of the program."""
+    with socket.socket() as server:
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        server.bind(("127.0.0.1", 0))
+        server.listen()
+        port = UrlPort(f"socket://127.0.0.1:{server.getsockname()[1]}", Link())
+        control, _ = server.accept()
+        sent = 0
+        while count := port.write(bytes(8192)):
+            sent += count
+        control.sendall(b"\x13\x11")
+        wait_readable(port)
+        closing = threading.Thread(target=port.close)
+        closing.start()
+        heard = 0
+        while data := control.recv(65536):
+            heard += len(data)
+        control.close()
+        closing.join(10)
+    assert heard == sent
