@@ -9,6 +9,7 @@ end; it is tried in these places against the points of a net of an eighth of its
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,49 +109,77 @@ def _is_beside(centres: Floats, design: Floats, radius_mm: float) -> Flags:
 
 
 def _to_blunt(nets: Sequence[Net], tool: Tool, depth_mm: float) -> list[Flags]:
-    """The probes that a cutter with a flat end can touch."""
-    radius_mm = tool.corner_mm + tool.flat_mm
-    coarse = [net_of(net.patch, max(net.pitch_mm, radius_mm / 8)) for net in nets]
+    """The probes that a cutter with a flat end can touch.
+
+    Probes an eighth of its radius apart are tried first, and between those that differ every one.
+    """
+    eighth_mm = (tool.corner_mm + tool.flat_mm) / 8
+    coarse = [net_of(net.patch, max(net.pitch_mm, eighth_mm)) for net in nets]
     design = np.concatenate([net.points.reshape(-1, 3) for net in coarse])
-    design = design[np.isfinite(design).all(axis=1)]
-    tree = cKDTree(design[:, :2])
+    obstacles = _Obstacles(design[np.isfinite(design).all(axis=1)], tool, depth_mm)
     result = []
     for net in nets:
-        points, normals = net.points.reshape(-1, 3), net.normals.reshape(-1, 3)
+        stride = max(1, int(eighth_mm / net.pitch_mm))
+        rows, columns = (np.unique([*range(0, count, stride), count - 1]) for count in net.area_mm2.shape)
+        at = np.ix_(rows, columns)
+        tried = obstacles.let_touch(net.points[at].reshape(-1, 3), net.normals[at].reshape(-1, 3))
+        tried = tried.reshape(len(rows), len(columns))
+        i, j = (
+            np.minimum(np.searchsorted(nodes, np.arange(count), side="right") - 1, len(nodes) - 2)
+            for nodes, count in ((rows, net.area_mm2.shape[0]), (columns, net.area_mm2.shape[1]))
+        )
+        corners = np.array([tried[np.ix_(i + down, j + right)] for down, right in ((0, 0), (0, 1), (1, 0), (1, 1))])
+        is_free: Flags = np.asarray(corners.all(axis=0))
+        differ = corners.any(axis=0) & ~is_free
+        is_free[differ] = obstacles.let_touch(net.points[differ], net.normals[differ])
+        result.append(is_free)
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class _Obstacles:
+    """Points of the design, (n, 3), in which a cutter with a flat end may sink no deeper than `depth_mm`."""
+
+    design: Floats
+    tool: Tool
+    depth_mm: float
+
+    def let_touch(self, points: Floats, normals: Floats) -> Flags:
+        """Whether the cutter can touch each point: with its edge on a slope, anywhere with its end on level ground."""
+        tree = cKDTree(self.design[:, :2])
         level = np.hypot(normals[:, 0], normals[:, 1])
         is_free = np.zeros(len(points), dtype=bool)
         slanting = np.flatnonzero((normals[:, 2] > 0) & (level > 1e-6))
-        aside = tool.flat_mm * normals[slanting] / level[slanting, None] * (1.0, 1.0, 0.0)
-        centres = points[slanting] + tool.corner_mm * normals[slanting] + aside
-        is_free[slanting] = _is_clear(centres, tree, design, tool, depth_mm)
+        aside = self.tool.flat_mm * normals[slanting] / level[slanting, None] * (1.0, 1.0, 0.0)
+        centres = points[slanting] + self.tool.corner_mm * normals[slanting] + aside
+        is_free[slanting] = self._is_clear(centres, tree)
         even = np.flatnonzero((normals[:, 2] > 0) & (level <= 1e-6))
-        for x, y in _rim(tool.flat_mm):
+        for x, y in _rim(self.tool.flat_mm):
             still = even[~is_free[even]]
-            centres = points[still] + (x, y, tool.corner_mm)
-            is_free[still] = _is_clear(centres, tree, design, tool, depth_mm)
-        result.append(is_free.reshape(net.area_mm2.shape))
-    return result
+            is_free[still] = self._is_clear(points[still] + (x, y, self.tool.corner_mm), tree)
+        return is_free
+
+    def _is_clear(self, centres: Floats, tree: cKDTree) -> Flags:
+        """Whether no obstacle lies too deep in the cutter standing at each place."""
+        tool, is_clear = self.tool, np.ones(len(centres), dtype=bool)
+        for begin in range(0, len(centres), 5000):
+            part = centres[begin : begin + 5000]
+            lists = np.asarray(
+                tree.query_ball_point(part[:, :2], tool.corner_mm + tool.flat_mm, workers=-1), dtype=object
+            )
+            counts = np.fromiter(map(len, lists), dtype=np.int64, count=len(part))
+            which = np.repeat(np.arange(len(part)), counts)
+            if not len(which):
+                continue
+            away = self.design[np.concatenate(lists).astype(np.int64)] - part[which]
+            out, down = np.hypot(away[:, 0], away[:, 1]) - tool.flat_mm, -away[:, 2]
+            beside = np.hypot(np.maximum(out, 0.0), np.maximum(down, 0.0))
+            depth = np.where(beside > 0, tool.corner_mm - beside, tool.corner_mm - np.maximum(out, down))
+            is_clear[begin + which[depth > self.depth_mm]] = False
+        return is_clear
 
 
 def _rim(flat_mm: float) -> list[tuple[float, float]]:
     """Where the tool's axis may stand from a point of level ground that its flat end touches: over it, and around."""
     turns = np.arange(16) * np.pi / 8
     return [(0.0, 0.0), *((flat_mm * float(np.cos(turn)), flat_mm * float(np.sin(turn))) for turn in turns)]
-
-
-def _is_clear(centres: Floats, tree: cKDTree, design: Floats, tool: Tool, depth_mm: float) -> Flags:
-    """Whether no point of the design lies deeper than `depth_mm` in the cutter standing at each place."""
-    is_clear = np.ones(len(centres), dtype=bool)
-    for begin in range(0, len(centres), 5000):
-        part = centres[begin : begin + 5000]
-        lists = np.asarray(tree.query_ball_point(part[:, :2], tool.corner_mm + tool.flat_mm, workers=-1), dtype=object)
-        counts = np.fromiter(map(len, lists), dtype=np.int64, count=len(part))
-        which = np.repeat(np.arange(len(part)), counts)
-        if not len(which):
-            continue
-        away = design[np.concatenate(lists).astype(np.int64)] - part[which]
-        out, down = np.hypot(away[:, 0], away[:, 1]) - tool.flat_mm, -away[:, 2]
-        beside = np.hypot(np.maximum(out, 0.0), np.maximum(down, 0.0))
-        depth = np.where(beside > 0, tool.corner_mm - beside, tool.corner_mm - np.maximum(out, down))
-        is_clear[begin + which[depth > depth_mm]] = False
-    return is_clear

@@ -93,6 +93,11 @@ class Verdict:
         """Deepest cut below the design, mm, at least 0."""
         return max([0.0, *(-place.deviation_mm for place in self.gouges)])
 
+    @property
+    def scale_mm(self) -> float:
+        """What the colours of a picture span to either side: scallop or gouge, at least 1 um."""
+        return max(self.scallop_mm, self.gouge_mm, 1e-3)
+
     def report(self, worst: int = 10) -> dict[str, Any]:
         """The keys of a `simulate` report that come from measuring; lengths mm."""
         heights, areas = _covered(self.maps)

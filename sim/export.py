@@ -42,10 +42,13 @@ def _csv(verdict: Verdict) -> bytes:
 
 
 def _ply(verdict: Verdict) -> bytes:
-    """Binary PLY: vertices on the design with colour and deviation_mm (nan where not reached), faces of four."""
+    """Binary PLY: vertices on the design with deviation_mm (nan where not reached) and colour, faces of four.
+
+    Where the cutter cannot touch, is_accessible is 0 and the colour yellow.
+    """
     vertices, faces, first = [], [], 0
     for mapped in verdict.maps:
-        vertices.append(_vertices(mapped, max(verdict.scallop_mm, verdict.gouge_mm, 1e-9)))
+        vertices.append(_vertices(mapped, verdict.scale_mm))
         n, m = mapped.height_mm.shape
         corner = first + (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).ravel()
         rows = np.empty(len(corner), dtype=[("count", "u1"), ("corner", "<i4", 4)])
@@ -57,14 +60,14 @@ def _ply(verdict: Verdict) -> bytes:
         "ply\nformat binary_little_endian 1.0\ncomment deviation: + material left, - gouge, mm\n"
         f"element vertex {len(points)}\n"
         "property float x\nproperty float y\nproperty float z\nproperty float deviation_mm\n"
-        "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+        "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar is_accessible\n"
         f"element face {len(quads)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     return head.encode("ascii") + points.tobytes() + quads.tobytes()
 
 
 def _vertices(mapped: PatchMap, limit_mm: float) -> NDArray[np.void]:
-    kind = [("place", "<f4", 3), ("deviation", "<f4"), ("colour", "u1", 3)]
+    kind = [("place", "<f4", 3), ("deviation", "<f4"), ("colour", "u1", 3), ("is_accessible", "u1")]
     rows = np.empty(mapped.height_mm.size, dtype=kind)
     height = mapped.height_mm.ravel()
     share = np.clip(np.where(np.isfinite(height), height, 0.0) / limit_mm, -1.0, 1.0)[:, None]
@@ -72,5 +75,7 @@ def _vertices(mapped: PatchMap, limit_mm: float) -> NDArray[np.void]:
     colour = np.where(np.isfinite(height)[:, None], 247.0 + (end - 247.0) * np.abs(share), 150.0)
     rows["place"] = mapped.net.points.reshape(-1, 3)
     rows["deviation"] = np.where(np.isfinite(height), height, np.nan)
-    rows["colour"] = np.round(colour)
+    is_open = mapped.is_accessible.ravel()
+    rows["colour"] = np.where(is_open[:, None], np.round(colour), (250, 220, 70))
+    rows["is_accessible"] = is_open
     return rows

@@ -32,7 +32,7 @@ def require_drawing() -> None:
 
 
 def plot_deviation(verdict: Verdict, path: Path, dwells_mm: Sequence[Vector] = ()) -> None:
-    """Deviation map, histogram, the stock as cut and a section through the highest scallop, as one PNG.
+    """Deviation map, histogram, the stock as cut and a section through the worst place, as one PNG.
 
     `dwells_mm` are the places where the tool stood for want of blocks: each may have left a mark.
     Raises PlotUnavailable without matplotlib, InputRejected if the file cannot be written.
@@ -59,7 +59,7 @@ def plot_deviation(verdict: Verdict, path: Path, dwells_mm: Sequence[Vector] = (
 
 
 def _draw_map(figure: Any, axes: Any, verdict: Verdict) -> None:
-    limit_um = 1000 * max(verdict.scallop_mm, verdict.gouge_mm, 1e-6)
+    limit_um = 1000 * verdict.scale_mm
     shades = None
     for mapped in verdict.maps:
         x, y, deviation_um = _plan(mapped)
@@ -117,13 +117,16 @@ def _draw_stock(axes: Any, verdict: Verdict) -> None:
 
 
 def _draw_section(axes: Any, verdict: Verdict) -> None:
-    if verdict.scallops:
-        worst, tool = verdict.scallops[0], verdict.probes.tool
+    worst_places = (*verdict.scallops[:1], *verdict.gouges[:1])
+    if worst_places:
+        worst, tool = worst_places[0], verdict.probes.tool
         radius_mm = tool.corner_mm + tool.flat_mm
-        width_mm = 4.0 * (2.0 * radius_mm * worst.deviation_mm) ** 0.5
+        width_mm = 4.0 * (2.0 * radius_mm * abs(worst.deviation_mm)) ** 0.5
         section = section_at(verdict, worst, width_mm, 801)
         axes.plot(section.distance_mm, 1000 * section.deviation_mm, color="#456990")
         x, y, _ = worst.position_mm
         axes.set_title(f"section across the passes at X{x:.3f} Y{y:.3f}")
+    else:
+        axes.set_title("no scallop and no gouge: nothing to cut a section through")
     axes.axhline(0.0, color="black", linewidth=0.6)
     axes.set(xlabel="distance on the design in mm", ylabel="deviation in µm")

@@ -1,8 +1,8 @@
 """Exact places of extremes: a ridge followed to its summit, a groove to its floor.
 
-Two directions serve at every place, along the way of the ball that cut there and across it. Across, the height has one
-peak (a cusp where two passes meet), found from heights and slopes; the height of that peak changes smoothly along, and
-is followed uphill by steps that grow while they gain and are halved when they do not.
+Two directions serve at every place, along the way of the cutter that was there and across it. Across, the height has
+one peak (a cusp where two passes meet), found from heights and slopes; the height of that peak changes smoothly along,
+and is followed uphill by steps that grow while they gain and are halved when they do not.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Refiner:
         return Extremes(self.patch.clipped(uv), frames.points, self.probes.measure(frames.points, frames.normals))
 
     def directions(self, uv: Floats) -> tuple[Floats, Floats]:
-        """Changes of (u, v), each (n, 2), for 1 mm along the way of the ball that cut at a place, and across it."""
+        """Changes of (u, v), each (n, 2), for 1 mm along the way of the cutter at a place, and across it."""
         frames = self.patch.frames(uv)
         found = self.probes.measure(frames.points, frames.normals)
         way = self.probes.chords[found.piece, 3:6]
@@ -53,7 +53,7 @@ class Refiner:
         return frames.parameters_of(along), frames.parameters_of(np.cross(frames.normals, along))
 
     def crossed(self, uv: Floats, window_mm: float) -> Extremes:
-        """Each place moved across the way of the ball to the peak within the window to either side."""
+        """Each place moved across the way of the cutter to the peak within the window to either side."""
         _, across = self.directions(uv)
         return self.measured(self._peak(uv, across, np.full(len(uv), window_mm))[0])
 
@@ -107,7 +107,7 @@ class Refiner:
     def _predicted(
         self, low: Floats, high: Floats, at_low: Floats, at_high: Floats, slope_low: Floats, slope_high: Floats
     ) -> Floats:
-        """Where the peak must be: two cuts of the ball's bend meet in a cusp, else the slope falls evenly to zero."""
+        """Where the peak must be: two cuts of the cutter's bend meet in a cusp, else the slope falls evenly to zero."""
         tool, length = self.probes.tool, high - low
         bend = self.sign / (tool.corner_mm + tool.flat_mm)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -119,7 +119,7 @@ class Refiner:
         return np.asarray(low + np.where(is_cusp, cusp, even))
 
     def _slopes(self, uv: Floats, across: Floats) -> tuple[Floats, Floats]:
-        """Signed heights at places, and their change for each mm along `across`, from the ball that cut there."""
+        """Signed heights at places, and their change for each mm along `across`, from the cutter's skin there."""
         frames = self.patch.frames(uv)
         found = self.probes.measure(frames.points, frames.normals)
         with np.errstate(invalid="ignore"):

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """Deviation (n,), mm, at distances (n,), mm, from a place, on the design, square to the way of the ball there."""
+    """Deviation (n,), mm, at distances (n,), mm, from a place, on the design, square to the way of the cutter there."""
 
     distance_mm: Floats
     deviation_mm: Floats

@@ -27,7 +27,7 @@ def page_of(verdict: Verdict, motions: Sequence[Motion], program: bytes, title: 
     data = {
         "title": title,
         "pitch_mm": verdict.probe_pitch_mm * stride,
-        "limit_um": 1000 * max(verdict.scallop_mm, verdict.gouge_mm, 1e-6),
+        "limit_um": 1000 * verdict.scale_mm,
         "box_mm": [*np.nanmin(points, axis=0).tolist(), *np.nanmax(points, axis=0).tolist()],
         "nets": [_net(each, motions, stride) for each in verdict.maps],
         "way": _way(motions, pieces),

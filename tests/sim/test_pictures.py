@@ -15,7 +15,7 @@ from sim.interpreter.canon import Line, Motion
 from sim.plot import PlotUnavailable, plot_deviation, require_drawing
 from sim.section import section_at
 from sim.stock import stock_after
-from sim.tool import BallTool
+from sim.tool import BallTool, BluntTool
 from sim.view import page_of, write_page
 from tests.sim.surfaces import bilinear, nominal_of, plane
 
@@ -66,13 +66,13 @@ def test_csv_has_every_probe(verdict: Verdict, tmp_path: Path) -> None:
 
 
 def test_ply_is_as_long_as_its_head_says(verdict: Verdict, tmp_path: Path) -> None:
-    """(3.5) 19 bytes a vertex, 17 a face; the first vertex is the corner of the plane."""
+    """(3.5) 20 bytes a vertex, 17 a face; the first vertex is the corner of the plane."""
     path = tmp_path / "map.ply"
     write_map(verdict, path)
     head, body = path.read_bytes().split(b"end_header\n", 1)
     n, m = verdict.maps[0].height_mm.shape
     assert f"element vertex {n * m}\n".encode() in head
-    assert len(body) == 19 * n * m + 17 * (n - 1) * (m - 1)
+    assert len(body) == 20 * n * m + 17 * (n - 1) * (m - 1)
     assert struct.unpack("<3f", body[:12]) == (0.0, 0.0, 0.0)
 
 
@@ -90,6 +90,17 @@ def test_picture_is_a_png(verdict: Verdict, tmp_path: Path) -> None:
     assert data.startswith(b"\x89PNG")
     assert struct.unpack(">II", data[16:24]) > (1000, 800)
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_picture_of_a_perfect_part(tmp_path: Path) -> None:
+    """(3.5) Without scallop and gouge the colours span 1 um, and the section says why it is empty."""
+    flat = BluntTool(0.0, R)
+    level = [Line(k + 1, k + 1, (-9.0, 4.0 * k, 0.0), (19.0, 4.0 * k, 0.0), 250.0) for k in range(-1, 5)]
+    perfect = judge(nominal_of(plane(size=10.0)), flat, level, reference="tip", probe_pitch_mm=0.5)
+    assert (perfect.scallop_mm, perfect.gouge_mm) == (0.0, 0.0)
+    assert perfect.scale_mm == 1e-3
+    plot_deviation(perfect, tmp_path / "perfect.png")
+    assert (tmp_path / "perfect.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_picture_shows_where_the_tool_stood(verdict: Verdict, tmp_path: Path) -> None:
@@ -124,13 +135,19 @@ def groove() -> Verdict:
 
 
 def test_what_no_ball_can_touch_stands_apart(groove: Verdict, tmp_path: Path) -> None:
-    """(3.3) The crease is no scallop; CSV and picture tell it from ground that the program left out."""
+    """(3.3) The crease is no scallop; CSV, PLY and picture tell it from ground that the program left out."""
     assert groove.scallop_mm < 1e-6
     assert groove.inaccessible == pytest.approx(R / (12.0 * math.sqrt(2.0)), abs=0.02)
     write_map(groove, tmp_path / "map.csv")
     rows = list(csv.DictReader((tmp_path / "map.csv").read_text().splitlines()))
     crease = [row for row in rows if abs(float(row["x_mm"])) < 2.5]
     assert {row["is_accessible"] for row in crease} == {"0"}
+    write_map(groove, tmp_path / "map.ply")
+    body = (tmp_path / "map.ply").read_bytes().split(b"end_header\n", 1)[1]
+    kind = np.dtype([("place", "<f4", 3), ("deviation", "<f4"), ("colour", "u1", 3), ("is_accessible", "u1")])
+    vertices = np.frombuffer(body, kind, len(rows))
+    assert [bool(each) for each in vertices["is_accessible"]] == [row["is_accessible"] == "1" for row in rows]
+    assert {tuple(each) for each in vertices["colour"][vertices["is_accessible"] == 0].tolist()} == {(250, 220, 70)}
     plot_deviation(groove, tmp_path / "cut.png")
     image = matplotlib.image.imread(tmp_path / "cut.png")
     yellow = (image[..., 0] > 0.85) & (image[..., 1] > 0.85) & (image[..., 2] < 0.6)
