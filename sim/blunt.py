@@ -255,6 +255,9 @@ def _nearest(q: Vector, n: Vector, edge: Edge) -> Stand:
             high = h
     x, y = q[0] + high * n[0], q[1] + high * n[1]
     distance, gx, gy, gz = _beside(x, y, q[2] + high * n[2], flat)
-    if distance == 0.0:  # it touches the side of a flat cutter
-        return False, 0.0, x / flat, y / flat, 0.0
+    rho = math.sqrt(x * x + y * y)
+    out = (x * n[0] + y * n[1]) / rho if rho > 0.0 else 0.0
+    size = math.sqrt(out * out + n[2] * n[2])
+    if distance < 1e-12 and size > 0.0:  # it touches a flat cutter, so the way out is square to the line
+        gx, gy, gz = abs(n[2]) / size * x / flat, abs(n[2]) / size * y / flat, -abs(out) / size
     return False, distance - corner, gx, gy, gz

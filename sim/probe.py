@@ -102,7 +102,7 @@ class Probes:
             out, down = np.where(is_floor, 0.0, 1.0), np.where(is_floor, -1.0, 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             level = np.where(out > 0, out / rho, 0.0)
-        return np.column_stack([level[:, None] * away[:, :2], down])
+            return np.column_stack([level[:, None] * away[:, :2], down])
 
 
 def probes_of(sweep: Sweep, tool: Tool, *, reach_mm: float) -> Probes:

@@ -176,13 +176,13 @@ def _shank_entry(p: Vector, n: Vector, c: Floats, chords: Floats, k: int, radius
 
 @compiled
 def _contains(p: Vector, c: Floats, chords: Floats, k: int, s: float, edge: Edge) -> bool:
-    """Whether a point is in the cutter swept along a piece: in the ball at s, else in the sweep of the chord."""
+    """Whether a point is in the cutter swept along a piece: in ball or shank at s, else in the sweep of the chord."""
     if len(edge) == 2:
         return blunt_contains(p, _piece(c, k), chords[k, 6], edge)
     radius = edge[0]
     x = c[k, 0, 0] + s * (c[k, 1, 0] + s * (c[k, 2, 0] + s * c[k, 3, 0])) - p[0]
     y = c[k, 0, 1] + s * (c[k, 1, 1] + s * (c[k, 2, 1] + s * c[k, 3, 1])) - p[1]
-    z = c[k, 0, 2] + s * (c[k, 1, 2] + s * (c[k, 2, 2] + s * c[k, 3, 2])) - p[2]
+    z = max(0.0, c[k, 0, 2] + s * (c[k, 1, 2] + s * (c[k, 2, 2] + s * c[k, 3, 2])) - p[2])
     if x * x + y * y + z * z <= radius * radius * (1.0 + 1e-12):
         return True
     return _gap2(p, chords, k) <= radius * radius

@@ -278,11 +278,12 @@ def _shank_entry(p: Floats, n: Floats, c: Floats, chords: Floats, k: Ints, radiu
 
 
 def _contains(p: Floats, c: Floats, chords: Floats, k: Ints, s: Floats, edge: Edge) -> Flags:
-    """Whether points are in the cutter swept along the pieces: in the ball at s, else in the sweep of the chord."""
+    """Whether points are in the cutter swept along pieces: in ball or shank at s, else in the sweep of the chord."""
     if len(edge) == 2:
         cases = zip(p.tolist(), c[k].reshape(-1, 12).tolist(), chords[k, 6].tolist(), strict=True)
         return np.array([blunt.contains(tuple(a), tuple(b), sag, edge) for a, b, sag in cases], dtype=bool)
     radius = edge[0]
     q = _at(c, k, s) - p
+    q[:, 2] = np.maximum(q[:, 2], 0.0)
     in_ball = _dot(q, q) <= radius * radius * (1.0 + 1e-12)
     return np.asarray(in_ball | (_gap2(p, chords, k) <= radius * radius))

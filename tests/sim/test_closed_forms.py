@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from sim.deviation import Verdict, judge
-from sim.interpreter.canon import Arc, Line, Motion
+from sim.interpreter.canon import Arc, Line, Motion, Polynomial
 from sim.nominal import Nominal
-from sim.tool import BallTool, BluntTool
+from sim.tool import BallTool, BluntTool, Tool
 from tests.sim.surfaces import cylinder, nominal_of, plane, sphere_cap
 
 R = 4.0
@@ -227,3 +227,49 @@ def test_a_bull_plunges_its_own_profile() -> None:
     edge = np.maximum(away - 2.5, 0.0)
     floor = -1.0 + 1.5 - np.sqrt(np.maximum(1.5**2 - edge**2, 0.0))
     np.testing.assert_allclose(mapped.height_mm[away < 3.7], floor[away < 3.7], atol=1e-11)
+
+
+CUTTERS = [BallTool(4.0), BluntTool(1.5, 2.5), BluntTool(0.0, 4.0)]
+
+
+@pytest.mark.parametrize("tool", CUTTERS, ids=["ball", "bull", "flat"])
+def test_a_ring_has_the_profile_of_the_cutter(tool: Tool) -> None:
+    """(3.1, 3.2) Along a circle, x beside it: flat under the end, r - sqrt(r^2 - (x - f)^2) under the edge."""
+    depth, ring = 0.2, 6.0
+    z = tool.corner_mm - depth
+    circle: list[Motion] = [
+        Arc(1, 1, (11.0, 5.0, z), (11.0, 5.0, z), (5.0, 5.0, z), (0.0, 0.0, 1.0), 2 * math.pi, 250.0)
+    ]
+    mapped = judge(nominal_of(plane(size=10.0)), tool, circle, reference="centre", probe_pitch_mm=0.25).maps[0]
+    beside = np.abs(np.hypot(mapped.net.points[..., 0] - 5.0, mapped.net.points[..., 1] - 5.0) - ring)
+    edge = np.maximum(beside - tool.flat_mm, 0.0)
+    floor = tool.corner_mm - np.sqrt(np.maximum(tool.corner_mm**2 - edge**2, 0.0)) - depth
+    near = (beside < 3.95) & (floor < 0.9)
+    np.testing.assert_allclose(mapped.height_mm[near], floor[near], atol=5e-7)
+    assert near.mean() > 0.6
+
+
+@pytest.mark.parametrize("tool", CUTTERS, ids=["ball", "bull", "flat"])
+def test_the_same_way_written_otherwise(tool: Tool) -> None:
+    """(3.1) A line as a cubic of uneven speed, a quarter circle as a rational curve: the same heights."""
+    a, b = np.array([-5.0, 1.0, 1.7]), np.array([9.0, 6.1, 0.4])
+    uneven = tuple(map(tuple, (a, 0.5 * (b - a), 1.5 * (b - a), -1.0 * (b - a))))
+    # (2 + 6 cos, 1 + 6 sin, 1) with t = tan of half the angle, times 1 + t^2
+    quarter = ((8.0, 1.0, 1.0), (0.0, 12.0, 0.0), (-4.0, 1.0, 1.0))
+    pairs: list[tuple[Motion, Motion, float]] = [
+        (Line(1, 1, tuple(a), tuple(b), 1.0), Polynomial(1, 1, tuple(a), tuple(b), uneven, (1.0,), 1.0, 1.0), 1e-11),
+        (
+            Arc(1, 1, (8.0, 1.0, 1.0), (2.0, 7.0, 1.0), (2.0, 1.0, 1.0), (0.0, 0.0, 1.0), math.pi / 2, 1.0),
+            Polynomial(1, 1, (8.0, 1.0, 1.0), (2.0, 7.0, 1.0), quarter, (1.0, 0.0, 1.0), 1.0, 1.0),
+            1e-6,
+        ),
+    ]
+    for one, two, slack_mm in pairs:
+        heights = [
+            judge(nominal_of(plane(size=10.0, slope_x=0.2)), tool, [way], reference="centre", probe_pitch_mm=0.5).maps[
+                0
+            ]
+            for way in (one, two)
+        ]
+        np.testing.assert_allclose(heights[0].height_mm, heights[1].height_mm, rtol=0.0, atol=slack_mm)
+        assert heights[0].is_covered.mean() > 0.1
