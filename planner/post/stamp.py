@@ -9,9 +9,11 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+_NUMBER = rb"-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e-?[0-9]{1,2})?(?![0-9.e-])"
 _STAMP = re.compile(
-    rb"DRIPMILL CONTROL=(?P<control>[a-z0-9-]+) REFERENCE=(?P<reference>tip|centre) R=(?P<radius>[0-9.]+) "
-    rb"T=(?P<tool>[0-9]+) D=(?P<edge>[0-9]+) TOLERANCE=(?P<tolerance>[0-9.e-]+)(?: LIFT=(?P<lift>[0-9.-]+))?"
+    rb"DRIPMILL CONTROL=(?P<control>[a-z0-9-]+) REFERENCE=(?P<reference>tip|centre) R=(?P<radius>%b) "
+    rb"T=(?P<tool>[0-9]{1,9}) D=(?P<edge>[0-9]{1,9}) TOLERANCE=(?P<tolerance>%b)(?: LIFT=(?P<lift>%b))?"
+    % (_NUMBER, _NUMBER, _NUMBER)
 )
 _HEAD_BYTES = 4096
 

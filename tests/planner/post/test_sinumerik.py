@@ -29,6 +29,14 @@ def written(shapes, limits=LIMITS, angle_rad=0.0, deviation_mm=0.0009, lift_mm=0
     return write_program(made, made.operation[0], path, limits, lift_mm=lift_mm)
 
 
+@pytest.mark.parametrize(
+    "words", ["R=4 T=2 D=1 TOLERANCE=0.00.001", "R=4..5 T=2 D=1 TOLERANCE=1", "R=4 T=2 D=1 TOLERANCE=e"]
+)
+def test_a_damaged_stamp_is_none(words: str) -> None:
+    """(6.6) Bytes that fell over in the head are no fault of ours."""
+    assert read_stamp(f";DRIPMILL CONTROL=sinumerik-840d REFERENCE=tip {words}".encode()) is None
+
+
 def test_no_number_has_more_decimals_than_the_control_reads() -> None:
     """Feeds and heights of head and tail too; heights are never rounded down into the clearance (6.8)."""
     limits = dataclasses.replace(LIMITS, decimals=2, is_inch=True)
