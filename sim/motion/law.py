@@ -184,22 +184,26 @@ def foreseen_jerk(
 
 
 def coasting_steps(state: Array, last: int, rows: Array, dt: float) -> int:
-    """How many steps from here on the speed stays as it is: full feed, and nothing ahead to brake for so soon."""
-    v, piece = state[V], int(state[PIECE])
+    """How many steps from here on the speed stays as it is: full feed, and nothing ahead to brake for so soon.
+
+    It must be possible to stop after them; what lies between needs no proof of its own, since nobody interrupts.
+    """
+    s, v, piece = state[S], state[V], int(state[PIECE])
     if v == 0.0 or state[A] != 0.0 or v != rows[piece, SPEED]:
         return 0
-    acceleration, jerk = 0.9 * rows[piece, ACC], 0.9 * rows[piece, JERK]
+    acceleration, jerk = rows[piece, ACC], rows[piece, JERK]
     q = piece
-    while (
-        q < last
-        and rows[q, NODE] == v
-        and rows[q + 1, SPEED] == v
-        and rows[q + 1, ACC] >= acceleration
-        and rows[q + 1, JERK] >= jerk
-    ):
+    while q < last and rows[q, NODE] == v and rows[q + 1, SPEED] == v:
         q += 1
-    room = rows[q, END] - state[S] - 1.2 * brake_mm(v, 0.0, 0.0, PLANNED * acceleration, PLANNED * jerk)
-    return max(int(room / (v * dt)) - 2, 0)
+        acceleration, jerk = min(acceleration, rows[q, ACC]), min(jerk, rows[q, JERK])
+    room = rows[q, END] - s - 1.3 * brake_mm(v, 0.0, 0.0, PLANNED * acceleration, PLANNED * jerk)
+    steps = max(int(room / (v * dt)) - 2, 0)
+    while steps > 0:
+        after = piece_at(s + steps * dt * v, piece, last, rows)
+        if can_stop(s + steps * dt * v, v, 0.0, 0.0, after, last, rows, dt):
+            break
+        steps //= 2
+    return steps
 
 
 def coast(
