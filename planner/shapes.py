@@ -12,7 +12,8 @@ from planner.errors import InputRejected
 from planner.path.arcs import arc_chain
 from planner.path.chord import paper_spline_within
 from planner.path.joint import joined
-from planner.path.model import Method, Pass, Shape
+from planner.path.link_bound import bound_links
+from planner.path.model import ArcChain, Method, Pass, Polyline
 from planner.path.polyline import lean_polyline
 from planner.path.roll import RolledSurface
 from planner.path.slope_range import patch_table
@@ -23,6 +24,7 @@ from planner.path.trace import TracedCurve
 
 Kind = Literal["poly", "free", "paper", "arcs", "linear"]
 FIT_SHARE = 0.9  # of path_mm; the rest is left for the digits
+LINKS_AIM = 0.99  # of their tolerance for arcs and straight moves; the bound lies up to a hundredth above their aim
 
 
 def kind_of(control: str, blocks: str, fit: Literal["free", "paper"], poly_degree: int) -> Kind:
@@ -83,14 +85,26 @@ def shape_passes(
     if kind == "paper":
         table = patch_table(curves)
         return [_paper_pass(curve, tolerance_mm, radius_mm, table) for curve in curves]
-    passes = []
+    return _links_within(curves, kind, tolerance_mm, ends_on_curve=ends_on_curve)
+
+
+def _links_within(curves: Sequence[TracedCurve], kind: Kind, tolerance_mm: float, *, ends_on_curve: bool) -> list[Pass]:
+    """Arcs or straight moves; their bound is proved where the curvature of the curves is enclosed."""
+    found: list[tuple[Polyline | ArcChain, float]] = []
+    tolerance_mm *= LINKS_AIM
     for curve in curves:
-        shape: Shape
         if kind == "arcs":
-            shape, deviation_mm = arc_chain(curve, tolerance_mm)
+            found.append(arc_chain(curve, tolerance_mm))
         else:
-            shape, deviation_mm = lean_polyline(curve, tolerance_mm, ends_on_curve=ends_on_curve)
-        passes.append(Pass(curve.plane, shape, deviation_mm, Method.SAMPLED, _NONE, curve.length_mm))
+            found.append(lean_polyline(curve, tolerance_mm, ends_on_curve=ends_on_curve))
+    table = patch_table(curves)
+    shapes = [shape for shape, _ in found]
+    bounds = np.full(len(curves), np.inf) if table is None else bound_links(curves, shapes, table)
+    passes = []
+    for curve, (shape, aimed_mm), bound_mm in zip(curves, found, bounds.tolist(), strict=True):
+        is_proved = np.isfinite(bound_mm)
+        deviation_mm, method = (bound_mm, Method.PROVED) if is_proved else (aimed_mm, Method.SAMPLED)
+        passes.append(Pass(curve.plane, shape, deviation_mm, method, _NONE, curve.length_mm))
     return passes
 
 
