@@ -60,7 +60,7 @@ class Check:
         self.limits = limits
         self._watch = watch
         self.found = Collection()
-        self.track = Track(limits)
+        self.track = Track(limits, is_inch=limits.profile.control.units == "inch")
         self._settings = settings or settings_of(limits.profile, tool_radii_mm=limits.tool_radii_mm)
         self._interpreter: Interpreter | None = Interpreter(self._settings)
         self._windows = (RateWindow(1.0), RateWindow(1.2))

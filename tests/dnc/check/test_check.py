@@ -148,6 +148,19 @@ def test_an_end_that_a_jump_passes_over_is_an_end() -> None:
     assert {name for name, _ in ids("G1 X10 F250\nGOTOF NOWHERE\n")} == {"jump", "alarm"}
 
 
+def test_an_inch_machine_has_inches_from_the_start() -> None:
+    """(6.2, 6.10) There G71, not G70, is the switch; travel is checked in millimetres all the same."""
+    control = msgspec.structs.replace(PROFILE.control, units="inch")
+    inch = Limits(msgspec.structs.replace(PROFILE, control=control))
+    head = (
+        HEAD.replace(" G71", "").replace("F100", "F4").replace("Z50", "Z2").replace("Z10", "Z.5").replace("Z1 ", "Z.1 ")
+    )
+    body = "G1 X1 F10\n{}\nX3\n"
+    assert ids(body.format("G70"), inch, head, "G0 Z2\nM5\nM30\n") == []
+    assert ("unit-switch", 2) in ids(body.format("G71"), inch, head, "G0 Z2\nM5\nM30\n")
+    assert ("axis-limit", 2) in ids("G1 X1 F10\nX50\n", inch, head, "G0 Z2\nM5\nM30\n")
+
+
 def test_memory_stays_bounded(tmp_path: Path) -> None:
     """Four times the program, the same memory (6.10)."""
     peaks = []
