@@ -1,12 +1,14 @@
 """The way of the cutter as short cubic pieces: what the probes are measured against.
 
 Lines, polynomials up to degree three and their parts are exact; arcs, rational and higher curves become cubic Hermite
-pieces within `fit_mm` of the true curve. Every piece knows how far it strays from its chord (`sag_mm`), a bound that
-lets the probes pass over most pieces; the pieces that remain are solved on the curve itself.
+pieces within `fit_mm` of the true curve, proved for polynomials up to degree five. Every piece knows how far it strays
+from its chord (`sag_mm`), a bound that lets the probes pass over most pieces; the pieces that remain are solved on the
+curve itself.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -42,6 +44,7 @@ def sweep_of(motions: Sequence[Motion], lift_mm: float, *, sag_mm: float, length
     parts = [
         _straight(motions, length_mm),
         _cubic(motions, sag_mm, length_mm),
+        _higher(motions, sag_mm, length_mm, fit_mm),
         _general(motions, sag_mm, length_mm, fit_mm),
     ]
     coefficients = np.concatenate([part[0] for part in parts])
@@ -77,10 +80,65 @@ def _cubic(motions: Sequence[Motion], sag_mm: float, length_mm: float) -> tuple[
     return _split(coefficients, counts), np.repeat(at, counts)
 
 
-def _is_cubic(motion: Motion) -> bool:
-    if not isinstance(motion, Polynomial) or len(motion.coefficients) > 4:
+def _higher(motions: Sequence[Motion], sag_mm: float, length_mm: float, fit_mm: float) -> tuple[Floats, Ints]:
+    """Polynomials of degree 4 and 5, all at once: a cubic Hermite piece errs by width^4 / 384 fourth derivatives."""
+    at = np.array([i for i, each in enumerate(motions) if _is_polynomial(each) and not _is_cubic(each)], dtype=np.int64)
+    curves = np.zeros((len(at), 6, 3))
+    for row, i in enumerate(at):
+        motion = motions[i]
+        assert isinstance(motion, Polynomial)
+        scale = motion.length ** np.arange(len(motion.coefficients)) / motion.denominator[0]
+        curves[row, : len(scale)] = np.array(motion.coefficients) * scale[:, None]
+    slope, bend, fourth = _derivative(curves, 1), _derivative(curves, 2), _derivative(curves, 4)
+    wanted = np.maximum(np.sqrt(_reach(bend) / (8 * sag_mm)), _reach(slope) / length_mm)
+    wanted = np.maximum(wanted, (_reach(fourth) / (384 * fit_mm)) ** 0.25)
+    counts = np.maximum(1, np.ceil(wanted)).astype(np.int64)
+    which = np.repeat(np.arange(len(at)), counts)
+    width = (1.0 / counts[which])[:, None]
+    begin = (np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts))[:, None] * width
+    points = _at(curves[which], begin), _at(curves[which], begin + width)
+    slopes = width * _at(slope[which], begin), width * _at(slope[which], begin + width)
+    return _hermite_cubics(*points, *slopes), at[which]
+
+
+def _derivative(curves: Floats, order: int) -> Floats:
+    """The coefficients (n, k - order, 3) of a derivative of polynomials (n, k, 3)."""
+    for _ in range(order):
+        curves = curves[:, 1:] * np.arange(1, curves.shape[1])[:, None]
+    return curves
+
+
+def _reach(curves: Floats) -> Floats:
+    """A bound on the length of each polynomial vector over [0, 1]: that of its longest Bezier point."""
+    degree = curves.shape[1] - 1
+    points = np.zeros((degree + 1, len(curves), 3))
+    for i in range(degree + 1):
+        for j in range(i + 1):
+            points[i] += math.comb(i, j) / math.comb(degree, j) * curves[:, j]
+    return np.asarray(np.linalg.norm(points, axis=2).max(axis=0))
+
+
+def _at(curves: Floats, places: Floats) -> Floats:
+    """Polynomials (n, k, 3) at one place each (n, 1)."""
+    value = np.zeros_like(curves[:, 0])
+    for order in range(curves.shape[1] - 1, -1, -1):
+        value = value * places + curves[:, order]
+    return value
+
+
+def _hermite_cubics(p0: Floats, p1: Floats, m0: Floats, m1: Floats) -> Floats:
+    return np.stack([p0, m0, 3 * (p1 - p0) - 2 * m0 - m1, 2 * (p0 - p1) + m0 + m1], axis=1)
+
+
+def _is_polynomial(motion: Motion) -> bool:
+    """Not rational, and of degree five at most."""
+    if not isinstance(motion, Polynomial) or len(motion.coefficients) > 6:
         return False
     return all(value == 0 for value in motion.denominator[1:])
+
+
+def _is_cubic(motion: Motion) -> bool:
+    return isinstance(motion, Polynomial) and _is_polynomial(motion) and len(motion.coefficients) <= 4
 
 
 def _counts(coefficients: Floats, sag_mm: float, length_mm: float) -> Ints:
@@ -114,7 +172,7 @@ def _general(motions: Sequence[Motion], sag_mm: float, length_mm: float, fit_mm:
     for i, motion in enumerate(motions):
         if isinstance(motion, Arc):
             curve = _arc(motion)
-        elif isinstance(motion, Polynomial) and not _is_cubic(motion):
+        elif isinstance(motion, Polynomial) and not _is_polynomial(motion):
             curve = _rational(motion)
         else:
             continue
@@ -132,7 +190,7 @@ def _hermite(curve: Curve, sag_mm: float, length_mm: float, fit_mm: float) -> Fl
         nodes = np.linspace(0.0, 1.0, count + 1)
         points, slopes = curve(nodes)
         p0, p1, m0, m1 = points[:-1], points[1:], slopes[:-1] / count, slopes[1:] / count
-        cubic = np.stack([p0, m0, 3 * (p1 - p0) - 2 * m0 - m1, 2 * (p0 - p1) + m0 + m1], axis=1)
+        cubic = _hermite_cubics(p0, p1, m0, m1)
         true, _ = curve(np.ravel((np.arange(count)[:, None] + inside) / count))
         made = np.einsum("sk,nkx->nsx", inside[:, None] ** np.arange(4), cubic)
         error = np.abs(made - true.reshape(made.shape)).max()
