@@ -46,11 +46,11 @@ def _part(report: Report) -> list[str]:
     return [*lines, "  planned scallop: between exact passes; what the paths deviate may come on top"]
 
 
-def _disturbed(mill: Report) -> str:
+def _disturbed(mill: Report) -> list[str]:
     """What the computer itself did to the overshoot, where it did: a late mill is not a late sender."""
     if mill["overshoot_bytes_max"] <= 3 or mill["hold_up_s_max"] < 1e-3:
-        return ""
-    return f" (this computer was busy: the mill was late by up to {1000 * mill['hold_up_s_max']:.0f} ms)"
+        return []
+    return [f"    this computer was busy: the mill itself was late by up to {1000 * mill['hold_up_s_max']:.0f} ms"]
 
 
 def _line(report: Report) -> list[str]:
@@ -59,7 +59,8 @@ def _line(report: Report) -> list[str]:
     return [
         f"  line at {send['baud']} baud, true speed, {send['elapsed_s']:.1f} s (window)",
         f"    held {send['xoff_count']} times, {send['held_s']:.1f} s; {100 * send['utilisation']:.1f} % used else",
-        f"    at most {window_mill['overshoot_bytes_max']} bytes arrived after a stop began{_disturbed(window_mill)}",
+        f"    at most {window_mill['overshoot_bytes_max']} bytes arrived after a stop began",
+        *_disturbed(window_mill),
         f"    feed override {window['feed_override_percent']:g} %, so that the control asks often",
         f"  whole program, {mill['time_scale']:g} times as fast as life (scaled figures)",
         f"    {mill['bytes_received']} bytes received, {mill['overrun_bytes']} lost, {mill['xoff_sent']} stops",

@@ -34,4 +34,7 @@ def test_demo_measures_what_was_planned(tmp_path: Path) -> None:
     screen = demo_screen(report, tmp_path)
     assert screen.startswith("SIMULATED")
     assert "100 times as fast as life (scaled figures)" in screen
-    assert max(map(len, screen.splitlines())) <= max(80, len(str(tmp_path)) + 6)
+    report["window"]["mill"] |= {"overshoot_bytes_max": 25, "hold_up_s_max": 0.0123}
+    busy = demo_screen(report, tmp_path)
+    assert "the mill itself was late by up to 12 ms" in busy
+    assert max(map(len, (screen + busy).splitlines())) <= max(80, len(str(tmp_path)) + 6)
