@@ -18,12 +18,11 @@ from planner.feed_limit import feed_limit_mm_min
 from planner.path.trace import TracedCurve
 from sim.interpreter import canon
 from sim.interpreter.run import Interpreter, interpret
-from sim.mill import settings_of
+from sim.mill import rehearse, settings_of
 from sim.motion.machine import Machine
 from sim.motion.shapes import shape_of
 from sim.profile import MillProfile
 
-HIGHEST_MM_MIN = 60_000.0
 FAST_BAUD = 10_000_000
 START_S = 0.5
 """What the first blocks may take to come, which no feed changes."""
@@ -74,7 +73,7 @@ def highest_feed_mm_min(
 ) -> float:
     """The highest cutting feed, to 2 %, at which the machine never waits; `planned_mm_min` is the one it has.
 
-    It waits where it stands for want of blocks, and where it takes half a percent longer than with all of the program
+    No higher than its axes go. It waits where it stands for want of blocks, and where it takes half a percent longer than with all of the program
     at hand: a machine that sees too few blocks ahead slows before it stands.
     """
 
@@ -84,17 +83,35 @@ def highest_feed_mm_min(
         run = drip(asked, profile, baud, buffer_bytes, longest_s=1.005 * at_hand + START_S)
         return run.starved_s > 0.0 or run.time_s > 1.005 * at_hand + START_S
 
-    low = high = guess_mm_min
+    highest = axes_mm_min(profile)
+    low = high = min(guess_mm_min, highest)
     while waits(low):
         low, high = 0.5 * low, low
     while low == high:
-        if high >= HIGHEST_MM_MIN:
-            return HIGHEST_MM_MIN
-        low, high = (high, 2.0 * high) if waits(2.0 * high) else (2.0 * high, 2.0 * high)
+        if high >= highest:
+            return highest
+        next_mm_min = min(2.0 * high, highest)
+        low, high = (high, next_mm_min) if waits(next_mm_min) else (next_mm_min, next_mm_min)
     while high > 1.02 * low:
         middle = (low * high) ** 0.5
         low, high = (low, middle) if waits(middle) else (middle, high)
     return low
+
+
+def axes_mm_min(profile: MillProfile) -> float:
+    """The fastest that the axes X and Z go both."""
+    return min(profile.axes[name].rapid_mm_min for name in "XZ")
+
+
+def mean_cut_mm_min(data: bytes, profile: MillProfile, planned_mm_min: float, feed_mm_min: float) -> float:
+    """How fast the machine really cuts on average with this feed programmed, all of the program at hand."""
+    asked = with_feed(data, planned_mm_min, feed_mm_min)
+    recording = rehearse(asked, profile)
+    samples = recording.samples
+    cutting = {c.line for c in recording.commands if getattr(c, "feed_mm_min", 0.0) == round(feed_mm_min)}
+    is_cutting = np.isin(samples.line[1:], list(cutting))
+    step_mm = np.linalg.norm(np.diff(samples.position_mm, axis=0), axis=1)
+    return float(60.0 * step_mm[is_cutting].sum() / np.diff(samples.t_s)[is_cutting].sum())
 
 
 def with_feed(data: bytes, planned_mm_min: float, feed_mm_min: float) -> bytes:

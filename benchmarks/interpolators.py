@@ -31,7 +31,7 @@ from sim.mill import rehearse
 from sim.profile import MillProfile, load_mill_profile
 
 FEEDS_MM_MIN = (250.0, 3000.0)
-WAVE_MACHINES = ("sinumerik-840d", "slow-serial-1990s")
+WAVE_MACHINES = ("sinumerik-840d", "five-axis-840d", "slow-serial-1990s")
 
 
 def plan(kind: str, feed_mm_min: float, folder: Path) -> tuple[bytes, dict[str, object]]:

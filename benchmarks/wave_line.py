@@ -9,12 +9,13 @@ from pathlib import Path
 
 from benchmarks.dripping import (
     FAST_BAUD,
-    HIGHEST_MM_MIN,
+    axes_mm_min,
     drip,
     first_passes,
     highest_feed_mm_min,
     in_even_steps,
     line_limit_mm_min,
+    mean_cut_mm_min,
     with_feed,
 )
 from dnc.planning import limits_of
@@ -61,16 +62,15 @@ def wave_programs(machine: str, folder: Path) -> dict[str, bytes]:
 def feed_table(programs: dict[str, bytes], profile: MillProfile) -> list[str]:
     """What the line alone allows, and the highest feed at which this machine never waits."""
     heads = [f"machine never waits, {size} B" for size in BUFFERS_BYTES]
-    rows = ["| blocks | bytes a pass | of the line, worst 2 s | " + " | ".join(heads) + " |", "|---" * 5 + "|"]
+    heads.append(f"mean of the cut then, {BUFFERS_BYTES[0]} B")
+    rows = ["| blocks | bytes a pass | of the line, worst 2 s | " + " | ".join(heads) + " |", "|---" * 6 + "|"]
     for name, data in programs.items():
         line = line_limit_mm_min(data, profile, BAUD, FEED_MM_MIN)
+        feeds = [highest_feed_mm_min(data, profile, BAUD, size, FEED_MM_MIN, line) for size in BUFFERS_BYTES]
+        axes = axes_mm_min(profile)
         cells = [f"{len(data) / PASSES:.0f}", f"{line:.0f}"]
-        for size in BUFFERS_BYTES:
-            if len(data) <= size:
-                cells.append("smaller than the buffer")
-                continue
-            feed = highest_feed_mm_min(data, profile, BAUD, size, FEED_MM_MIN, line)
-            cells.append(f"{feed:.0f}" if feed < HIGHEST_MM_MIN else f"over {HIGHEST_MM_MIN:.0f}")
+        cells += [f"{feed:.0f}" if feed < axes else f"the axes' {axes:.0f}" for feed in feeds]
+        cells.append(f"{mean_cut_mm_min(data, profile, FEED_MM_MIN, feeds[0]):.0f}")
         rows.append(f"| {name} | " + " | ".join(cells) + " |")
     return rows
 
@@ -112,7 +112,8 @@ def draw(losses: Losses, path: Path) -> None:
         panel.set_xticks(BAUDS, [str(baud) for baud in BAUDS])
         panel.grid(alpha=0.3)
     panels[0].set_ylabel(f"time lost, s, at {LOSS_FEED_MM_MIN:.0f} mm/min")
-    panels[1].legend()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=120)
     plt.close(figure)
