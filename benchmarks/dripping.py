@@ -73,8 +73,8 @@ def highest_feed_mm_min(
 ) -> float:
     """The highest cutting feed, to 2 %, at which the machine never waits; `planned_mm_min` is the one it has.
 
-    No higher than its axes go. It waits where it stands for want of blocks, and where it takes half a percent longer than with all of the program
-    at hand: a machine that sees too few blocks ahead slows before it stands.
+    No higher than its axes go. It waits where it stands for want of blocks, and where it takes half a percent longer
+    than with all of the program at hand: a machine that sees too few blocks ahead slows before it stands.
     """
 
     def waits(feed_mm_min: float) -> bool:
