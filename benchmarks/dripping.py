@@ -100,7 +100,7 @@ def highest_feed_mm_min(
 
 def axes_mm_min(profile: MillProfile) -> float:
     """The fastest that the axes X and Z go both."""
-    return min(profile.axes[name].rapid_mm_min for name in "XZ")
+    return 60.0 * min(profile.axes[0].rapid_mm_s, profile.axes[2].rapid_mm_s)
 
 
 def mean_cut_mm_min(data: bytes, profile: MillProfile, planned_mm_min: float, feed_mm_min: float) -> float:
