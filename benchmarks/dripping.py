@@ -106,9 +106,9 @@ def axes_mm_min(profile: MillProfile) -> float:
 def mean_cut_mm_min(data: bytes, profile: MillProfile, planned_mm_min: float, feed_mm_min: float) -> float:
     """How fast the machine really cuts on average with this feed programmed, all of the program at hand."""
     asked = with_feed(data, planned_mm_min, feed_mm_min)
-    recording = rehearse(asked, profile)
-    samples = recording.samples
-    cutting = {c.line for c in recording.commands if getattr(c, "feed_mm_min", 0.0) == round(feed_mm_min)}
+    samples = rehearse(asked, profile).samples
+    commands = interpret(asked, settings_of(profile, is_drip_fed=True))
+    cutting = {c.line for c in commands if getattr(c, "feed_mm_min", 0.0) == round(feed_mm_min)}
     is_cutting = np.isin(samples.line[1:], list(cutting))
     step_mm = np.linalg.norm(np.diff(samples.position_mm, axis=0), axis=1)
     return float(60.0 * step_mm[is_cutting].sum() / np.diff(samples.t_s)[is_cutting].sum())
