@@ -25,7 +25,7 @@ from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.levels import Level, Opened, Search, Section, keep_track, skip
 from sim.interpreter.settings import Settings
 from sim.interpreter.structures import CLOSES, ENDS, glance, is_target, second_else
-from sim.interpreter.values import Variables, as_integer, as_number, evaluate
+from sim.interpreter.values import Variables, are_equal, as_integer, as_number, evaluate, is_same
 
 
 class Flow:
@@ -169,7 +169,7 @@ class Flow:
     def _case(self, level: Level, index: int, case: Case) -> None:
         selector = evaluate(case.selector, self._variables)
         for value, jump in case.branches:
-            if evaluate(value, self._variables) == selector:
+            if are_equal(evaluate(value, self._variables), selector):
                 self._jump(level, index, jump)
                 return
         if case.default is not None:
@@ -194,7 +194,8 @@ class Flow:
     def _set_counter(self, statement: For, value: float) -> bool:
         indices = tuple(evaluate(one, self._variables) for one in statement.index or ())
         self._variables.write(statement.variable, indices, value)
-        return value <= as_number(evaluate(statement.last, self._variables))
+        last = as_number(evaluate(statement.last, self._variables))
+        return value < last or is_same(value, last)
 
     def _mark(self, level: Level, index: int, marker: Marker) -> None:
         if marker in (Marker.LOOP, Marker.REPEAT):

@@ -64,10 +64,8 @@ class Variables:
         cell = self._cell(name)
         cell.values[_place(cell, name, indices)] = converted(value, cell.type_name)
 
-    def assign(self, target: Expression, value: Value) -> None:
+    def assign(self, target: Name, value: Value) -> None:
         """Write to the variable that a VAR argument names."""
-        if not isinstance(target, Name):
-            raise ControlAlarm(AlarmNumber.PARAMETERS, "a VAR argument is no variable; a name is expected")
         self.write(target.name, tuple(evaluate(index, self) for index in target.indices or ()), value)
 
     def is_known(self, name: str) -> bool:
@@ -166,13 +164,18 @@ def _unary(operator: str, value: float) -> float:
             return float(~as_integer(value))
 
 
+def is_same(a: float, b: float) -> bool:
+    """Whether the control's comparisons take two numbers for one: to 1e-12 of themselves (programming manual)."""
+    return math.isclose(a, b, rel_tol=1e-12)
+
+
 _COMPARISONS: dict[str, Callable[[float, float], bool]] = {
-    "==": lambda a, b: a == b,
-    "<>": lambda a, b: a != b,
-    ">": lambda a, b: a > b,
-    "<": lambda a, b: a < b,
-    ">=": lambda a, b: a >= b,
-    "<=": lambda a, b: a <= b,
+    "==": is_same,
+    "<>": lambda a, b: not is_same(a, b),
+    ">": lambda a, b: a > b and not is_same(a, b),
+    "<": lambda a, b: a < b and not is_same(a, b),
+    ">=": lambda a, b: a > b or is_same(a, b),
+    "<=": lambda a, b: a < b or is_same(a, b),
 }
 _BITS: dict[str, Callable[[int, int], int]] = {
     "B_AND": lambda a, b: a & b,
@@ -184,6 +187,13 @@ _LOGIC: dict[str, Callable[[bool, bool], bool]] = {
     "OR": lambda a, b: a or b,
     "XOR": lambda a, b: a != b,
 }
+
+
+def are_equal(left: Value, right: Value) -> bool:
+    """What == says of two values; a text and a number are never equal."""
+    if isinstance(left, str) or isinstance(right, str):
+        return left == right
+    return is_same(left, right)
 
 
 def _binary(operator: str, left: Value, right: Value) -> Value:
