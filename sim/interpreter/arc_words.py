@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 
+from msgspec.structs import replace
+
 from sim.interpreter import canon, moves
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.canon import Vector
+from sim.interpreter.feeds import PathFeed
 from sim.interpreter.frames import add, dot, norm, scaled, subtract
 from sim.interpreter.mapping import Mapping
 from sim.interpreter.request import Request
 from sim.interpreter.settings import Settings
 from sim.interpreter.state import INCH_MM, State
+from sim.interpreter.tangents import point_on_arc
 from sim.interpreter.targets import Target, absolute, path_feed
 
 
@@ -23,6 +27,9 @@ def arc_motion(code: str, target: Target, request: Request, state: State, settin
     if code == "CT":
         shape = moves.arc_tangent(target.start, end, _programmed_tangent(target.mapping, state), state.plane_axes)
     elif code == "CIP":
+        if norm(subtract(end, target.start)) < moves.SAME_PLACE_MM:
+            text = "CIP ends where it starts, which leaves its plane open; two arcs make a full circle"
+            raise ControlAlarm(AlarmNumber.CIRCLE, text)
         shape = moves.arc_through(target.start, _middle(target, request, state), end)
     else:
         end, shape = _circle(code == "G2", target, request, state, settings.arc_tolerance_mm)
@@ -38,14 +45,17 @@ def arc_motion(code: str, target: Target, request: Request, state: State, settin
     start, canonical_end = state.position_mm, target.mapping.point(end)
     centre, across = target.mapping.point(shape.centre), frame.direction(shape.axis)
     axis = scaled(across, frame.handedness / norm(across))
-    speed = feed.along(_length(start, canonical_end, centre, axis, sweep_rad))
-    return canon.Arc(request.block.line, request.block.number, start, canonical_end, centre, axis, sweep_rad, speed)
+    line, block = request.block.line, request.block.number
+    arc = canon.Arc(line, block, start, canonical_end, centre, axis, sweep_rad, feed.value)
+    return replace(arc, feed_mm_min=_speed(arc, feed)) if feed.depends_on_path else arc
 
 
-def _length(start: Vector, end: Vector, centre: Vector, axis: Vector, sweep_rad: float) -> float:
-    out = subtract(start, centre)
-    radius = norm(subtract(out, scaled(axis, dot(out, axis))))
-    return moves.arc_length(radius, sweep_rad, dot(subtract(end, start), axis))
+def _speed(arc: canon.Arc, feed: PathFeed) -> float:
+    out = subtract(arc.start, arc.centre)
+    radius = norm(subtract(out, scaled(arc.axis, dot(out, arc.axis))))
+    length = moves.arc_length(radius, arc.sweep_rad, dot(subtract(arc.end, arc.start), arc.axis))
+    steps = math.ceil(arc.sweep_rad / math.radians(2.0))
+    return feed.along([point_on_arc(arc, arc.sweep_rad * step / steps) for step in range(steps + 1)], length)
 
 
 def _middle(target: Target, request: Request, state: State) -> Vector:

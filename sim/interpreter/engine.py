@@ -39,7 +39,12 @@ class Interpreter:
     def __init__(self, settings: Settings | None = None, source: Source | None = None) -> None:
         self._settings = settings or Settings()
         units = "G70" if self._settings.is_inch else "G71"
-        self._state = State(self._settings.start_mm, units=units, is_machine_inch=self._settings.is_inch)
+        self._state = State(
+            self._settings.start_mm,
+            units=units,
+            is_machine_inch=self._settings.is_inch,
+            machine_max_rpm=self._settings.spindle_max_rpm,
+        )
         self._outlet = Outlet()
         self._variables = Variables(self._settings.r_parameters, SystemVariables(self._state, self._settings).read)
         self._flow = Flow(self._settings, self._variables)

@@ -71,18 +71,27 @@ class Executor:
         set_feed(request, self._state)
         self._tool(request)
         self._before_move(request)
-        one_shot = request.code(ModalGroup.ONE_SHOT)
-        if one_shot == "G4":
-            self._dwell(request)
-        elif request.code(ModalGroup.FRAME) is not None:
-            self._mover.path.finish_spline(None)
-            self._frame(request)
-        else:
-            self._mover.move(request)
+        self._work(request)
         count = request.take("P") if calls else None
         self._require_used(request)
         self._after_move(request)
         return Outcome(calls, 1 if count is None else int(count), not _ENDS.isdisjoint(request.m_codes))
+
+    def _work(self, request: Request) -> None:
+        """The one thing a block does beside its modes: it waits, sets a frame, or moves."""
+        one_shot, frame = request.code(ModalGroup.ONE_SHOT), request.code(ModalGroup.FRAME)
+        if one_shot is not None and frame is not None:
+            text = f"{one_shot} and {frame} stand in one block; a block of its own is expected for each"
+            raise ControlAlarm(AlarmNumber.OWN_BLOCK, text, request.column_of(ModalGroup.FRAME))
+        if one_shot == "G4":
+            self._mover.set_motion(request)
+            self._dwell(request)
+        elif frame is not None:
+            self._mover.path.finish_spline(None)
+            self._mover.set_motion(request)
+            self._frame(frame, request)
+        else:
+            self._mover.move(request)
 
     def _numbered_call(self, calls: list[Word], request: Request) -> None:
         column = request.numbers.get("L", (0.0, 0))[1]
@@ -162,9 +171,8 @@ class Executor:
 
     def _before_move(self, request: Request) -> None:
         state = self._state
-        if request.code(ModalGroup.FRAME) in ("G25", "G26") or request.code(ModalGroup.ONE_SHOT) == "G4":
-            return
-        speed = request.take("S")
+        is_own_s = request.code(ModalGroup.FRAME) in ("G25", "G26") or request.code(ModalGroup.ONE_SHOT) == "G4"
+        speed = None if is_own_s else request.take("S")
         if speed is not None:
             if speed < 0:
                 raise ControlAlarm(AlarmNumber.VALUE_OUT_OF_RANGE, f"S{speed:g} is no speed; 0 or more is expected")
@@ -175,16 +183,11 @@ class Executor:
         if turns and turns[0] != 5:
             state.spindle_direction = 1 if turns[0] == 3 else -1
         if (turns and turns[0] != 5) or (speed is not None and state.spindle_direction and not turns):
-            self._put(canon.Spindle, request, state.spindle_direction * self._limited_speed())
+            self._put(canon.Spindle, request, state.spindle_direction * state.limited_rpm)
         if 7 in request.m_codes or 8 in request.m_codes:
             state.is_mist |= 7 in request.m_codes
             state.is_flood |= 8 in request.m_codes
             self._put(canon.Coolant, request, state.is_flood, state.is_mist)
-
-    def _limited_speed(self) -> float:
-        state = self._state
-        upper = min(state.spindle_max_rpm or self._settings.spindle_max_rpm, self._settings.spindle_max_rpm)
-        return min(max(state.spindle_rpm, state.spindle_min_rpm), upper)
 
     def _after_move(self, request: Request) -> None:
         state = self._state
@@ -203,7 +206,7 @@ class Executor:
         if (seconds is None) == (turns is None):
             raise ControlAlarm(AlarmNumber.PARAMETERS, "G4 needs F with seconds or S with turns", None)
         if turns is not None:
-            speed = self._limited_speed() if self._state.spindle_direction else 0.0
+            speed = self._state.limited_rpm if self._state.spindle_direction else 0.0
             if speed == 0.0:
                 raise ControlAlarm(
                     AlarmNumber.NO_SPINDLE, "G4 S waits for turns of a spindle that stands; M3 is expected"
@@ -214,13 +217,15 @@ class Executor:
             raise ControlAlarm(AlarmNumber.VALUE_OUT_OF_RANGE, f"G4 waits {seconds:g} s; 0 or more is expected")
         self._put(canon.Dwell, request, seconds)
 
-    def _frame(self, request: Request) -> None:
-        code = request.code(ModalGroup.FRAME)
-        assert code is not None
-        if code in ("G25", "G26"):
-            program_limits(code, request, self._state)
-        else:
-            program_frame(code, request, self._state)
+    def _frame(self, code: str, request: Request) -> None:
+        state = self._state
+        if code not in ("G25", "G26"):
+            program_frame(code, request, state)
+            return
+        speed_rpm = state.limited_rpm
+        program_limits(code, request, state)
+        if state.spindle_direction and state.limited_rpm != speed_rpm:
+            self._put(canon.Spindle, request, state.spindle_direction * state.limited_rpm)
 
     def _require_used(self, request: Request) -> None:
         left = request.leftover()

@@ -2,22 +2,46 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+
+from sim.interpreter.canon import Vector
 
 SHORTEST_MM = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class PathFeed:
-    """mm/min along the path, or 1/min where `is_inverse_time` (the whole move takes 1/value minutes)."""
+    """mm/min along the path, or 1/min where `is_inverse_time` (the whole move takes 1/value minutes).
+
+    `axes` are those of FGROUP, None for all.
+    """
 
     value: float
     is_inverse_time: bool
+    axes: tuple[int, ...] | None = None
 
-    def along(self, length_mm: float, group_length_mm: float | None = None) -> float:
-        """Path speed mm/min over `length_mm`; F counts along the axes of FGROUP where they move."""
-        if self.is_inverse_time:
-            return self.value * length_mm
-        if group_length_mm is None or group_length_mm < SHORTEST_MM:
+    @property
+    def depends_on_path(self) -> bool:
+        """Whether the speed along the path is not F itself."""
+        return self.is_inverse_time or self.axes is not None
+
+    def along(self, points: Sequence[Vector], length_mm: float | None = None) -> float:
+        """Path speed mm/min over a path through these points, of `length_mm` where that is known better.
+
+        F counts along the axes of FGROUP where they move; over a curve that is the mean.
+        """
+        if not self.depends_on_path:
             return self.value
-        return self.value * length_mm / group_length_mm
+        chords_mm = _length(points, (0, 1, 2))
+        if self.is_inverse_time:
+            return self.value * (chords_mm if length_mm is None else length_mm)
+        assert self.axes is not None
+        group_mm = _length(points, self.axes)
+        return self.value if group_mm < SHORTEST_MM else self.value * chords_mm / group_mm
+
+
+def _length(points: Sequence[Vector], axes: tuple[int, ...]) -> float:
+    return sum(math.sqrt(sum((b[axis] - a[axis]) ** 2 for axis in axes)) for a, b in pairwise(points))

@@ -8,7 +8,6 @@ from sim.interpreter import canon
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.arc_words import arc_motion
 from sim.interpreter.canon import Vector
-from sim.interpreter.frames import norm, subtract
 from sim.interpreter.mapping import mapping_of
 from sim.interpreter.outlet import Outlet
 from sim.interpreter.path import Path
@@ -16,7 +15,7 @@ from sim.interpreter.polynomial_words import polynomial_motion
 from sim.interpreter.request import Request
 from sim.interpreter.settings import G28, Settings
 from sim.interpreter.state import State
-from sim.interpreter.targets import Target, group_length, path_feed, target_of
+from sim.interpreter.targets import Target, path_feed, target_of
 
 
 class Mover:
@@ -28,18 +27,22 @@ class Mover:
 
     def move(self, request: Request) -> None:
         """Carry out the move a block asks for, if it asks for one."""
-        state = self._state
         one_shot = request.code(ModalGroup.ONE_SHOT)
-        code = request.code(ModalGroup.MOTION)
-        if code is not None and code != state.motion:
-            state.motion = code
-            state.spline_degree = 3
+        self.set_motion(request)
         self._announced_degree(request)
         if one_shot is not None:
             self._special(one_shot, request)
         elif request.is_geometry:
             self._exact_stop(request)
             self._by_code(request)
+
+    def set_motion(self, request: Request) -> None:
+        """The motion code of a block holds from here on."""
+        state = self._state
+        code = request.code(ModalGroup.MOTION)
+        if code is not None and code != state.motion:
+            state.motion = code
+            state.spline_degree = 3
 
     def _announced_degree(self, request: Request) -> None:
         """SD=2 in a block without points holds for the points that follow."""
@@ -95,8 +98,7 @@ class Mover:
         start, end = state.position_mm, target.canonical
         feed = path_feed(request, state)
         if end != start:
-            by = subtract(end, start)
-            speed = feed.along(norm(by), group_length(by, state))
+            speed = feed.along((start, end))
             self.path.give(canon.Line(request.block.line, request.block.number, start, end, speed))
 
     def _special(self, code: str, request: Request) -> None:

@@ -163,12 +163,11 @@ def arc_length(radius_mm: float, sweep_rad: float, rise_mm: float) -> float:
     return math.hypot(radius_mm * sweep_rad, rise_mm)
 
 
-def curve_length(
+def curve_points(
     coefficients: tuple[Vector, ...], denominator: tuple[float, ...], length: float, steps: int = 64
-) -> float:
-    """Length of a polynomial curve by chords, good to about 1e-4 of itself; feeds in inverse time need no more."""
-    points = [curve_point(coefficients, denominator, length * step / steps) for step in range(steps + 1)]
-    return sum(norm(subtract(b, a)) for a, b in pairwise(points))
+) -> list[Vector]:
+    """Points along a polynomial curve; their chords give its length to about 1e-4, and feeds need no more."""
+    return [curve_point(coefficients, denominator, length * step / steps) for step in range(steps + 1)]
 
 
 def curve_point(coefficients: tuple[Vector, ...], denominator: tuple[float, ...], p: float) -> Vector:

@@ -39,8 +39,8 @@ def polynomial_motion(target: Target, request: Request, state: State, most_degre
     if all(vector == (0.0, 0.0, 0.0) for vector in coefficients[1:]) and len(denominator) == 1:
         return None
     speed = feed.value
-    if feed.is_inverse_time:
-        speed = feed.along(moves.curve_length(coefficients, denominator, length))
+    if feed.depends_on_path:
+        speed = feed.along(moves.curve_points(coefficients, denominator, length))
     line, block = request.block.line, request.block.number
     return canon.Polynomial(line, block, state.position_mm, target.canonical, coefficients, denominator, length, speed)
 

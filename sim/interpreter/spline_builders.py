@@ -10,7 +10,7 @@ from sim.interpreter import canon
 from sim.interpreter.canon import Vector
 from sim.interpreter.feeds import SHORTEST_MM, PathFeed
 from sim.interpreter.frames import norm, scaled, subtract
-from sim.interpreter.moves import curve_length
+from sim.interpreter.moves import curve_points
 from sim.interpreter.outlet import Slot
 from sim.interpreter.splines import Curve, akima_tangent, c2_tangents, hermite_span, mirrored
 
@@ -57,10 +57,9 @@ class SplineBuilder(ABC):
             return
         start = self._start if self.last is None else self.last.end
         coefficients = (start, *curve.coefficients[1:])
-        feed = point.feed
-        speed = feed.value
-        if feed.is_inverse_time:
-            speed = feed.along(curve_length(coefficients, curve.denominator, curve.length))
+        speed = point.feed.value
+        if point.feed.depends_on_path:
+            speed = point.feed.along(curve_points(coefficients, curve.denominator, curve.length))
         self.last = canon.Polynomial(
             point.line, point.block, start, curve.end, coefficients, curve.denominator, curve.length, speed
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from sim.interpreter.canon import Motion, Vector
@@ -54,6 +55,7 @@ class State:
     is_area_limited: bool = True
     spindle_min_rpm: float = 0.0
     spindle_max_rpm: float = 0.0
+    machine_max_rpm: float = math.inf
     last_motion: Motion | None = None
     message: str = ""
     is_ended: bool = False
@@ -75,6 +77,12 @@ class State:
             and self.frame.is_identity_matrix
             and self.area_min_mm == self.area_max_mm == (None, None, None)
         )
+
+    @property
+    def limited_rpm(self) -> float:
+        """The speed S asks for, within G25, G26 and what the machine turns."""
+        upper = min(self.spindle_max_rpm or self.machine_max_rpm, self.machine_max_rpm)
+        return min(max(self.spindle_rpm, self.spindle_min_rpm), upper)
 
     @property
     def is_inch(self) -> bool:

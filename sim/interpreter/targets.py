@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from planner.gcode import ModalGroup
@@ -50,16 +49,10 @@ def path_feed(request: Request, state: State) -> PathFeed:
         return PathFeed(state.feed, True)
     value = state.feed * (INCH_MM if state.is_feed_inch else 1.0)
     if state.feed_type == "G95":
-        if not state.spindle_direction or state.spindle_rpm == 0.0:
+        if not state.spindle_direction or state.limited_rpm == 0.0:
             raise ControlAlarm(AlarmNumber.NO_SPINDLE, "G95 feeds by turns of a spindle that stands; M3 is expected")
-        value *= state.spindle_rpm
-    return PathFeed(value, False)
-
-
-def group_length(by: Vector, state: State) -> float | None:
-    """Length of a move along the axes of FGROUP, or None where F counts along all."""
-    axes = state.feed_axes
-    return None if axes is None else math.sqrt(sum(by[axis] ** 2 for axis in axes))
+        value *= state.limited_rpm
+    return PathFeed(value, False, state.feed_axes)
 
 
 def absolute(coordinate: Coordinate, start: float, factor: float, state: State) -> float:
