@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from planner.gcode import Expression
+from planner.gcode import Expression, Name
 from planner.gcode.statement import Define, Procedure, Variable
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.request import AXES, CENTRES, MACHINE_AXES, MIDDLES, NUMBERS
@@ -41,13 +41,13 @@ def _cell(variable: Variable, variables: Variables, max_elements: int) -> Cell:
 
 def bind(
     procedure: Procedure, given: tuple[Expression | None, ...], values: list[Value | None], variables: Variables
-) -> dict[str, Expression]:
+) -> dict[str, Name]:
     """PROC: parameters of the innermost scope from the call's values; returns what goes back to VAR parameters."""
     if len(values) > len(procedure.parameters):
         text = f"{procedure.name} takes {len(procedure.parameters)} arguments, not {len(values)}"
         raise ControlAlarm(AlarmNumber.PARAMETERS, text)
     scope = variables.scopes[-1]
-    back: dict[str, Expression] = {}
+    back: dict[str, Name] = {}
     for place, parameter in enumerate(procedure.parameters):
         value = values[place] if place < len(values) else None
         if value is None:
@@ -57,5 +57,8 @@ def bind(
         scope[parameter.name] = Cell(parameter.type_name, [converted(value, parameter.type_name)])
         expression = given[place] if place < len(given) else None
         if parameter.is_reference and expression is not None:
+            if not isinstance(expression, Name):
+                text = f"{parameter.name} of {procedure.name} is a VAR argument; the name of a variable is expected"
+                raise ControlAlarm(AlarmNumber.PARAMETERS, text)
             back[parameter.name] = expression
     return back

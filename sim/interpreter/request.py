@@ -126,7 +126,7 @@ def _sort(word: Word, request: Request, variables: Variables, accepted_m: frozen
         _add_number(word, request, variables)
     elif address == "G" or (word.value is None and word.arguments is None and address in GROUP_OF):
         _add_code(word, request)
-    elif address in ("M", "M1", "M2", "M3"):
+    elif address in ("M", "M1"):
         _add_m(word, request, variables, accepted_m)
     elif address in CENTRES:
         _add_coordinate(word, CENTRES[address], request.centres, variables, None)
@@ -238,6 +238,9 @@ def _add_call(word: Word, request: Request) -> None:
         text = f"the address {word.address} is not known; an address of the control's list is expected"
         if word.address == "N":
             text = "N stands inside the block; the block number is expected at its head"
+        elif word.address[0] in "MS" and word.address[1:].isdigit():
+            kind = word.address[0]
+            text = f"{word.address}= is for another spindle, and this machine has one; {kind} or {kind}1= is expected"
         raise ControlAlarm(AlarmNumber.NAME_UNKNOWN, refusal_of(word.address) or text)
     request.calls.append(word)
 

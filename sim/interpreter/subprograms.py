@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from dataclasses import dataclass, field
 
-from planner.gcode import Expression, Word
+from planner.gcode import Expression, Name, Word
 from planner.gcode.statement import Procedure
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.definitions import bind
@@ -34,7 +34,7 @@ class Call:
     left: int
     given: tuple[Expression | None, ...]
     values: list[Value | None]
-    back: dict[str, Expression] = field(default_factory=dict)
+    back: dict[str, Name] = field(default_factory=dict)
     saved: dict[str, object] | None = None
     has_run: bool = False
 
