@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from benchmarks.planner_speed import fixed
 from dnc.shipped import shipped_path
 from planner.path.strategy.parallel import Wishes, prepare
-from planner.shapes import shape_passes
+from planner.report import segments
+from planner.shapes import Kind, shape_passes
 from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
 
@@ -37,9 +38,10 @@ def main() -> int:
     by_cut = [_more_passes(), _longer_passes()]
     (thesis,) = load_surface(shipped_path("surfaces", "thesis"))
     by_tolerance = [
-        _spans("wave of degree 5", wave(300.0, 300.0, 5), 150.0 + 10.0 * np.arange(5), 298.4),
-        _spans("wave of degree 3", wave(300.0, 300.0), 150.0 + 10.0 * np.arange(5), 298.4),
-        _spans("thesis", thesis, 5.0 + 10.0 * np.arange(5), 49.4),
+        _spans("cubics, wave", wave(300.0, 300.0), 150.0 + 10.0 * np.arange(5), 298.4, "free"),
+        _spans("degree 5, wave", wave(300.0, 300.0), 150.0 + 10.0 * np.arange(5), 298.4, "poly"),
+        _spans("cubics, thesis", thesis, 5.0 + 10.0 * np.arange(5), 49.4, "free"),
+        _spans("degree 5, thesis", thesis, 5.0 + 10.0 * np.arange(5), 49.4, "poly"),
     ]
     for title, lines in (("cut mm -> s", by_cut), ("path_mm -> spans a pass", by_tolerance)):
         for name, across, up in lines:
@@ -68,20 +70,19 @@ def _timed(cases: list[tuple[NurbsPatch, float, np.ndarray]]) -> tuple[list[floa
         begin = time.process_time()
         ground = prepare(patch, Wishes(R_MM, 0.0, None, 0.5))
         curves = fixed(ground, planes, 1.2, length_mm - 1.2, 0.001)
-        shape_passes(curves, "free", 0.001, R_MM)
+        shape_passes(curves, "poly", 0.001, R_MM)
         times.append(time.process_time() - begin)
         cuts.append(sum(curve.length_mm for curve in curves))
     return cuts, times
 
 
-def _spans(name: str, patch: NurbsPatch, planes: np.ndarray, stop_mm: float) -> Line:
+def _spans(name: str, patch: NurbsPatch, planes: np.ndarray, stop_mm: float, kind: Kind) -> Line:
     """Mean spans of passes over a patch at each tolerance."""
     ground = prepare(patch, Wishes(R_MM, 0.0, None, 1.0))
     means = []
     for path_mm in TOLERANCES_MM.tolist():
         curves = fixed(ground, planes, 1.6, stop_mm, path_mm)
-        shapes = [one.shape for one in shape_passes(curves, "free", path_mm, R_MM)]
-        means.append(float(np.mean([len(shape.control_points) - 3 for shape in shapes])))  # type: ignore[union-attr]
+        means.append(float(np.mean([segments(one.shape) for one in shape_passes(curves, kind, path_mm, R_MM)])))
     return name, TOLERANCES_MM.tolist(), means
 
 

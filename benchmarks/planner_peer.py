@@ -21,7 +21,7 @@ from benchmarks.planner_speed import fixed
 from dnc.shipped import shipped_path
 from planner.path.model import Array, PlaneSpline
 from planner.path.peaks import Ground
-from planner.path.plane_spline import evaluate
+from planner.path.spline_table import SplineTable
 from planner.path.strategy.parallel import Wishes, prepare
 from planner.path.trace import locate
 from planner.shapes import shape_passes
@@ -80,13 +80,14 @@ def _ours(case: Case, patch: NurbsPatch) -> tuple[float, float]:
         begin = time.perf_counter()
         ground = prepare(patch, Wishes(R_MM, 0.0, None, 1.0))
         curves = fixed(ground, case.planes_mm, *case.ends_mm, case.path_mm)
-        found = shape_passes(curves, "free", case.path_mm, R_MM)
+        found = shape_passes(curves, "poly", case.path_mm, R_MM)
         best = min(best, time.perf_counter() - begin)
     points = []
     for index in _sampled(case):
         shape = found[index].shape
         assert isinstance(shape, PlaneSpline)
-        along = evaluate(shape, np.linspace(shape.knots[0], shape.knots[-1], 3001))[0]
+        places = np.linspace(shape.knots[0], shape.knots[-1], 3001)
+        along = SplineTable([shape]).evaluate(np.zeros(3001, np.intp), places)[0]
         points.append(np.stack([along[:, 0], np.full(3001, case.planes_mm[index]), along[:, 1]]))
     return best, _error_mm(ground, np.concatenate(points, axis=1))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import resource
 import time
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,12 @@ from planner.path.strategy.parallel import Wishes, lay_parallel, prepare
 from planner.path.trace import TracedCurve, trace
 from planner.plan import plan_job
 from planner.post.written import ControlLimits
-from planner.shapes import shape_passes
+from planner.report import segments
+from planner.shapes import Kind, shape_passes
 from planner.surface.load import load_surface
 
 R_MM = 4.0
+KINDS: tuple[Kind, ...] = ("poly", "free")
 
 
 def main() -> None:
@@ -30,10 +33,13 @@ def main() -> None:
     (thesis,) = load_surface(shipped_path("surfaces", "thesis"))
     (wave,) = load_surface(shipped_path("surfaces", "wave"))
     job = shipped_path("jobs", "thesis")
-    report("thesis job 0.08 mm, 1 um, to bytes", 3, lambda: plan_job(Path(job), ControlLimits()).report["bytes"])
+    limits = ControlLimits(poly_degree=5)
+    report("thesis job 0.08 mm, 1 um, to bytes", 3, lambda: plan_job(Path(job), limits).report["bytes"])
     on_thesis = prepare(thesis, Wishes(R_MM, 0.0, None, 1.0))
     planes = 1.3 + np.arange(49.0)
-    report("thesis, 49 passes 1 mm apart, 1 um", 3, lambda: spans(fixed(on_thesis, planes, 1.6, 49.4), 0.001))
+    for kind in KINDS:
+        name = f"thesis, 49 passes 1 mm apart, 1 um, {kind}"
+        report(name, 3, lambda: spans(fixed(on_thesis, planes, 1.6, 49.4), 0.001, kind))  # noqa: B023
     for scallop_mm in (0.01, 0.005):
         wishes = Wishes(R_MM, 0.0, scallop_mm, None)
         report(f"thesis, pick feeds for {scallop_mm} mm", 3, lambda: passes(thesis, wishes))  # noqa: B023
@@ -42,8 +48,9 @@ def main() -> None:
     on_wave = prepare(wave, Wishes(R_MM, 0.0, None, 0.5))
     planes = 0.5 * np.arange(601)
     report("wave, 601 passes traced", 1, lambda: len(fixed(on_wave, planes, 1.2, 298.8)))
-    for path_mm in (0.010, 0.001):
-        report(f"wave, 601 passes, {path_mm} mm", 1, lambda: wave_spans(on_wave, planes, path_mm))  # noqa: B023
+    for path_mm, kind in product((0.010, 0.001), KINDS):
+        name = f"wave, 601 passes, {path_mm} mm, {kind}"
+        report(name, 1, lambda: spans(fixed(on_wave, planes, 1.2, 298.8, path_mm), path_mm, kind))  # noqa: B023
     print(f"{'peak memory':45s} {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:8.0f} MB")
 
 
@@ -58,14 +65,9 @@ def fixed(
     )
 
 
-def spans(curves: list[TracedCurve], path_mm: float) -> int:
+def spans(curves: list[TracedCurve], path_mm: float, kind: Kind) -> int:
     """Spans of all fitted splines."""
-    return sum(len(one.shape.control_points) - 3 for one in shape_passes(curves, "free", path_mm, R_MM))  # type: ignore[union-attr]
-
-
-def wave_spans(ground: Ground, planes_mm: np.ndarray, path_mm: float) -> int:
-    """Spans of the passes over the wave, traced and fitted."""
-    return spans(fixed(ground, planes_mm, 1.2, 298.8, path_mm), path_mm)
+    return sum(segments(one.shape) for one in shape_passes(curves, kind, path_mm, R_MM))
 
 
 def passes(patch: object, wishes: Wishes) -> int:

@@ -51,11 +51,6 @@ class _Marks:
         return _Marks(*(np.append(getattr(self, field.name), getattr(more, field.name)) for field in fields(_Marks)))
 
 
-def certify(curve: ExactCurve, spline: PlaneSpline) -> tuple[float, Method]:
-    """An upper bound (mm) on the distance between spline and exact curve, each from the other, and how it is known."""
-    return certify_all([curve], [spline])[0]
-
-
 def certify_all(
     curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline], table: SlopeTable | None = None
 ) -> list[tuple[float, Method]]:

@@ -16,6 +16,7 @@ from planner.path.plane_spline import Index
 from planner.path.span_search import Candidate, Start, halved_where_worst
 
 MOST_FRESH = 400
+FEW_SPANS, HASTE = 2, 5
 SPREADINGS = 8
 EASIEST = 0.02  # of the mean error of a row's spans
 _NO_FEET = np.zeros((0, 0))
@@ -49,7 +50,9 @@ class HeightFitter:
         """Gauss-Newton from these starts."""
         fit = start_heights(self._table, rows, self._places(rows, [start.joints for start in starts]))
         stepping = partial(_step_of, self._table, rows)
-        fit = improve(fit, stepping, powers=powers, targets_mm=targets_mm, patience=len(powers))
+        # What will not do with one or two spans shows early; with more it takes every step.
+        patience = HASTE if max(start.spans for start in starts) <= FEW_SPANS else len(powers)
+        fit = improve(fit, stepping, powers=powers, targets_mm=targets_mm, patience=patience)
         return [self._candidate(fit, at, int(row)) for at, row in enumerate(rows)]
 
     def _places(self, rows: Index, shares: Sequence[Array]) -> list[Array]:

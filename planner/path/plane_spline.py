@@ -1,7 +1,7 @@
-"""Cubic B-splines in a plane, many at once: basis values, points, derivatives, rounding.
+"""The cubic basis functions of B-splines, many splines at once.
 
-Batches hold one spline a row: `knots` (p, n + 4), `control_points` (p, n, 2), parameters (p, m). All knots of the
-interior are simple, the ends clamped. Equations (F1) to (F4) of EQUATIONS-fitting.md.
+Batches hold one spline a row: `knots` (p, n + 4), parameters (p, m). All knots of the interior are simple, the ends
+clamped. Equation (F1) of EQUATIONS-fitting.md.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.path.model import Array, PlaneSpline
+from planner.path.model import Array
 
 Index = NDArray[np.intp]
 
@@ -47,30 +47,3 @@ def _apart(lower: Array, upper: Array) -> Array:
     total[:-1], total[-1] = lower, 0.0
     total[1:] += upper
     return total
-
-
-def combine(weights: Array, control_points: Array, spans: Index) -> Array:
-    """Sum of four weights (4, p, m) times the control points (2, p, n) they belong to: (2, p, m)."""
-    _, rows, count = control_points.shape
-    legs = np.arange(rows)[:, None] * count + spans + np.arange(-3, 1)[:, None, None]
-    return np.asarray((control_points.reshape(2, -1)[:, legs] * weights).sum(axis=1))
-
-
-def evaluate(spline: PlaneSpline, parameters: Array) -> tuple[Array, Array, Array]:
-    """Points, first and second derivatives (m, 2) of one cubic spline at parameters (m,)."""
-    knots, at = spline.knots[None, :], parameters[None, :]
-    spans = find_spans(knots, at)
-    values, slopes, bends = basis(knots, at, spans)
-    points = np.ascontiguousarray(spline.control_points.T)[:, None, :]
-    first, second, third = (combine(part, points, spans)[:, 0].T for part in (values, slopes, bends))
-    return first, second, third
-
-
-def rounded(spline: PlaneSpline, decimals: int) -> PlaneSpline:
-    """The spline with knots and control points rounded to this many decimals, as a program would write it."""
-    return PlaneSpline(spline.degree, np.round(spline.knots, decimals), np.round(spline.control_points, decimals))
-
-
-def span_count(spline: PlaneSpline) -> int:
-    """Number of knot spans."""
-    return int(spline.control_points.shape[0] - spline.degree)

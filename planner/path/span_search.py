@@ -167,7 +167,8 @@ class SpanSearch:
     def _lengthen(self, short: dict[int, Candidate]) -> None:
         """Add a knot where each is worst, a few times; what still fails is searched from scratch."""
         for _ in range(EXTRA_KNOTS):
-            got = self._fit({row: self._fitter.opened(candidate) for row, candidate in short.items()}, FROM_NEIGHBOUR)
+            opened = {row: self._fitter.opened(one) for row, one in short.items() if one.spans < self._most_spans}
+            got = short | self._fit(opened, FROM_NEIGHBOUR)
             short = {row: candidate for row, candidate in got.items() if not self._accept(row, candidate)}
         self.from_scratch({row: candidate.spans for row, candidate in short.items()})
 

@@ -12,12 +12,14 @@ from planner.path.curve import ExactCurve
 from planner.path.height_fitter import HeightFitter
 from planner.path.model import Method, PlaneSpline
 from planner.path.slope_range import patch_table
+from planner.path.slope_table import SlopeTable
 from planner.path.span_search import Fitter, SearchEnd, SpanSearch
 from planner.path.spans import joints_of
 
 MOST_SPANS = 400
 HEIGHTS_DEGREE = 5
 FEW_SPANS = 3
+ROUNDS = 8
 LEAST_LEAN = 0.5  # cosine of the steepest angle at which a pass is written as heights
 AIM = 0.9  # of the tolerance, at the places of the spans; the distance between them comes on top
 
@@ -50,17 +52,22 @@ def fit_passes(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[Fitted
 
     Raises InputRejected with the pass and the distance reached where the tolerance cannot be kept.
     """
-    return [_fitted(fit, row) for row, fit in enumerate(_fit(curves, CubicFitter, tolerance_mm))]
+    fits = _fit(curves, CubicFitter, tolerance_mm, patch_table(curves))
+    return [_fitted(fit, row) for row, fit in enumerate(fits)]
 
 
-def fit_heights(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[FittedSpline | None]:
+def fit_heights(
+    curves: Sequence[ExactCurve], tolerance_mm: float, table: SlopeTable | None = None
+) -> list[FittedSpline | None]:
     """One spline z(w) of degree 5 a curve, bounded within the tolerance, ends on the curve's ends; (F18) to (F21).
 
-    None for curves that are too steep for heights, and where the tolerance cannot be kept.
+    None for curves that are too steep for heights, and where the tolerance cannot be kept. `table` is
+    `patch_table(curves)` if the caller has it.
     """
     gentle = [row for row, curve in enumerate(curves) if curve.tangents[:, 0].min() > LEAST_LEAN]
+    chosen = [curves[row] for row in gentle]
     found: list[FittedSpline | None] = [None] * len(curves)
-    for row, fit in zip(gentle, _fit([curves[row] for row in gentle], HeightFitter, tolerance_mm), strict=True):
+    for row, fit in zip(gentle, _fit(chosen, HeightFitter, tolerance_mm, table or patch_table(chosen)), strict=True):
         found[row] = fit if isinstance(fit, FittedSpline) else None
     return found
 
@@ -68,17 +75,18 @@ def fit_heights(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[Fitte
 def fit_leanest(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[FittedSpline]:
     """Of heights and a free cubic the one with fewer spans, heights where they are equal.
 
-    Over long passes a cubic takes 1.6 spans and more for one of degree 5, so it is tried where there are few, and where
-    a pass is too steep for heights. Raises InputRejected as `fit_passes` does.
+    Over long passes a cubic takes 1.6 spans and more for one of degree 5, so it is tried with one span less where there
+    are few, and where a pass is too steep for heights. Raises InputRejected as `fit_passes` does.
     """
-    heights = fit_heights(curves, tolerance_mm)
-    tried = [row for row, fit in enumerate(heights) if fit is None or 1 < fit.spans <= FEW_SPANS]
-    cubics = _fit([curves[row] for row in tried], CubicFitter, tolerance_mm)
-    chosen = dict(enumerate(heights))
-    for row, cubic in zip(tried, cubics, strict=True):
-        height = heights[row]
-        if height is None or (isinstance(cubic, FittedSpline) and cubic.spans < height.spans):
-            chosen[row] = _fitted(cubic, row)
+    table = patch_table(curves)
+    chosen = dict(enumerate(fit_heights(curves, tolerance_mm, table)))
+    for spans in range(FEW_SPANS, 1, -1):
+        rows = [row for row, fit in chosen.items() if fit is not None and fit.spans == spans]
+        cubics = _fit([curves[row] for row in rows], CubicFitter, tolerance_mm, table, spans - 1)
+        chosen |= {row: fit for row, fit in zip(rows, cubics, strict=True) if isinstance(fit, FittedSpline)}
+    steep = [row for row, fit in chosen.items() if fit is None]
+    cubics = _fit([curves[row] for row in steep], CubicFitter, tolerance_mm, table)
+    chosen |= {row: _fitted(fit, row) for row, fit in zip(steep, cubics, strict=True)}
     return [fit for fit in chosen.values() if fit is not None]
 
 
@@ -93,27 +101,32 @@ def _fit(
     curves: Sequence[ExactCurve],
     kind: Callable[[Sequence[ExactCurve]], Fitter],
     tolerance_mm: float,
-    rounds: int = 8,
+    table: SlopeTable | None,
+    only_spans: int | None = None,
 ) -> list[FittedSpline | Failed]:
-    """One spline a curve; one whose bound fails is aimed again lower, `rounds` times at most."""
+    """One spline a curve, with so many spans if that is asked; one whose bound fails is aimed again lower."""
     if not curves:
         return []
-    search = SpanSearch(kind(curves), AIM * tolerance_mm, MOST_SPANS)
-    search.run()
-    table = patch_table(curves)
+    most_spans = only_spans or MOST_SPANS
+    search = SpanSearch(kind(curves), AIM * tolerance_mm, most_spans)
+    if only_spans:
+        search.from_scratch(dict.fromkeys(range(len(curves)), only_spans))
+    else:
+        search.run()
     done: dict[int, FittedSpline | Failed] = {}
-    for turn in range(rounds):
+    for turn in range(ROUNDS):
+        for row, end in search.ends.items():
+            if end is not SearchEnd.FITTED:
+                done[row] = Failed(search.found[row].error_mm, search.found[row].spans, end)
         rows = [row for row in range(len(curves)) if row not in done]
         splines = [search.found[row].spline for row in rows]
-        bounds = certify_all([curves[row] for row in rows], splines, table)
+        bounds = certify_all([curves[row] for row in rows], splines, table) if rows else []
         short: dict[int, float] = {}
         for row, spline, (deviation_mm, method) in zip(rows, splines, bounds, strict=True):
-            found, end = search.found[row], search.ends[row]
             if deviation_mm <= tolerance_mm:
                 done[row] = FittedSpline(spline, deviation_mm, method)
-            elif end is not SearchEnd.FITTED or found.spans >= MOST_SPANS or turn == rounds - 1:
-                end = SearchEnd.NOT_BOUNDED if end is SearchEnd.FITTED else end
-                done[row] = Failed(deviation_mm, found.spans, end)
+            elif turn == ROUNDS - 1:
+                done[row] = Failed(deviation_mm, search.found[row].spans, SearchEnd.NOT_BOUNDED)
             else:
                 short[row] = min(0.95, max(0.5, 0.97 * tolerance_mm / deviation_mm))
         if not short:

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline, make_lsq_spline
 
-from planner.path.bound import certify, certify_all
+from planner.path.bound import certify_all
 from planner.path.curve import ExactCurve
 from planner.path.model import DrivingPlane, Method, PlaneSpline
 from planner.path.offset import OffsetSurface
-from planner.path.plane_spline import rounded
 from planner.path.seeds import sow
 from planner.path.slope_table import slope_table
 from planner.path.spline import FittedSpline, fit_heights, fit_passes
@@ -48,6 +47,16 @@ def passes_over(patch: NurbsPatch, planes_mm: list[float]) -> list[TracedCurve]:
     seeds = sow(surface, reach_mm=8.0, a_span=2)
     planes = [DrivingPlane(0.0, plane) for plane in planes_mm]
     return trace(surface, seeds, planes, np.tile([3.0, 47.0], (len(planes), 1)), spacing_mm=1.5, accuracy_mm=1e-5)
+
+
+def certify(curve: ExactCurve, spline: PlaneSpline) -> tuple[float, Method]:
+    """The bound of one pair."""
+    return certify_all([curve], [spline])[0]
+
+
+def rounded(spline: PlaneSpline, decimals: int) -> PlaneSpline:
+    """The spline with knots and control points rounded to this many decimals."""
+    return PlaneSpline(spline.degree, np.round(spline.knots, decimals), np.round(spline.control_points, decimals))
 
 
 def dense_distance_mm(curve: ExactCurve, spline: PlaneSpline, places: int = 4001) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.path.chord import EndRule, paper_break_points, paper_spline
-from planner.path.plane_spline import evaluate
+from planner.path.spline_table import SplineTable
 from tests.planner.path.curves import arc, random_graph
 
 
@@ -31,7 +31,7 @@ def test_spline_runs_through_the_break_points(ends: EndRule) -> None:
     curve = random_graph(2)
     fitted, break_points = paper_spline(curve, 0.001, 4.0, ends)
     places = fitted.spline.knots[3:-3]
-    points, first, second = evaluate(fitted.spline, places)
+    points, first, second = SplineTable([fitted.spline]).evaluate(np.zeros(len(places), np.intp), places)
     np.testing.assert_allclose(points, break_points, atol=1e-10)
     if ends is EndRule.TANGENT:
         np.testing.assert_allclose(first[[0, -1]], curve.tangents[[0, -1]], atol=1e-9)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.path.plane_spline import evaluate, span_count
 from planner.path.spline import fit_passes
+from planner.path.spline_table import SplineTable
 from tests.planner.path.curves import arc, random_graph, wave_pass
 
 
@@ -28,7 +28,7 @@ def test_stays_within_tolerance_both_ways(tolerance_mm: float) -> None:
     for curve, fitted in zip(curves, fit_passes(curves, tolerance_mm), strict=True):
         assert fitted.deviation_mm <= tolerance_mm
         parameters = np.linspace(0.0, fitted.spline.knots[-1], 2001)
-        spline = evaluate(fitted.spline, parameters)[0]
+        spline = SplineTable([fitted.spline]).evaluate(np.zeros(2001, np.intp), parameters)[0]
         exact = curve.refine(np.linspace(0.0, curve.arc_mm[-1], 2001)).points
         slack_mm = 2e-5
         assert closest_mm(exact[::20], spline) <= fitted.deviation_mm + slack_mm
@@ -39,4 +39,4 @@ def test_stays_within_tolerance_both_ways(tolerance_mm: float) -> None:
 def test_wave_needs_few_control_points() -> None:
     """(4.4) A 300 mm pass over the wave at 1 um: at most 22 control points."""
     (fitted,) = fit_passes([wave_pass()], 0.001)
-    assert span_count(fitted.spline) + 3 <= 22
+    assert fitted.spans + 3 <= 22
