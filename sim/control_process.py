@@ -25,7 +25,7 @@ from sim.interpreter.canon import Motion, Vector
 from sim.live import LiveMill
 from sim.messages import Failed, Finish, Heard, Ready, Result, Start, Wire
 from sim.mill import rehearse
-from sim.motion.machine import Samples
+from sim.motion.values import Samples
 from sim.motion_log import MotionLog, Peaks
 from sim.setup import Setup
 

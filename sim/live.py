@@ -17,7 +17,8 @@ from sim.interpreter import canon
 from sim.interpreter.run import Interpreter, holds_block
 from sim.messages import Began, BrokeOff, Completed, Heard, Order, Power, StopReading, Took
 from sim.mill import settings_of, standing_at
-from sim.motion.machine import Machine, MachineState, Samples, StopReason
+from sim.motion.machine import Machine
+from sim.motion.values import MachineState, Samples, StopReason
 from sim.panel import Panel
 from sim.profile import MillProfile
 

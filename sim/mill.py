@@ -13,7 +13,8 @@ import numpy as np
 from sim.interpreter import canon
 from sim.interpreter.run import count_blocks, interpret_bulk
 from sim.interpreter.settings import G28, KnotRule, Settings, Tool
-from sim.motion.machine import Machine, MachineState, Samples, StarvedInterval
+from sim.motion.machine import Machine
+from sim.motion.values import MachineState, Samples, StarvedInterval
 from sim.profile import MillProfile
 
 _WAITS_FOR_OPERATOR = (MachineState.PROGRAM_STOPPED, MachineState.OPTIONAL_STOP)

@@ -9,7 +9,7 @@ from typing import TextIO
 
 import numpy as np
 
-from sim.motion.machine import Samples
+from sim.motion.values import Samples
 from sim.peaks import peaks
 
 HEADER = "t_s,x_mm,y_mm,z_mm,feed_mm_min,line,block\n"

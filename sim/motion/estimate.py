@@ -9,7 +9,8 @@ import math
 from collections.abc import Iterable
 
 from sim.interpreter.canon import Command, LineRun
-from sim.motion.machine import Machine, MachineState, MachineTimes
+from sim.motion.machine import Machine
+from sim.motion.values import MachineState, MachineTimes
 from sim.profile import MillProfile
 
 _WAITS_FOR_OPERATOR = (MachineState.PROGRAM_STOPPED, MachineState.OPTIONAL_STOP)

@@ -12,19 +12,13 @@ import math
 
 import numpy as np
 
-from sim.interpreter import canon
 from sim.interpreter.canon import Command, LineRun, Motion, Vector
-from sim.motion.braking import PLANNED, brake_mm
-from sim.motion.fast import can_compile, time_law
+from sim.motion.auxiliary import Auxiliary
+from sim.motion.interpolator import Interpolator
 from sim.motion.limits import axis_limits
-from sim.motion.path import Path
 from sim.motion.prepare import Preparation
 from sim.motion.record import Recorder
-from sim.motion.rows import ACC, HORIZON, JERK, PIECE, STATE_SIZE, A, S, V
-from sim.motion.travelled import travelled
 from sim.motion.values import (
-    Array,
-    Indices,
     MachineSnapshot,
     MachineState,
     MachineTimes,
@@ -35,18 +29,6 @@ from sim.motion.values import (
     StopReason,
 )
 from sim.profile import MillProfile
-
-__all__ = [
-    "Machine",
-    "MachineSnapshot",
-    "MachineState",
-    "MachineTimes",
-    "Rounding",
-    "Samples",
-    "StandStill",
-    "StarvedInterval",
-    "StopReason",
-]
 
 
 class Machine:
@@ -67,36 +49,25 @@ class Machine:
         is_compiled: bool | None = None,
         speed_error: float = 1e-5,
     ) -> None:
-        self._profile = profile
+        axes, self._times = axis_limits(profile, profile.block_cycle_s), times or MachineTimes()
+        self._lookahead_blocks = profile.lookahead_blocks
         self._step_s = step_s
-        self._times = times or MachineTimes()
+        self._settle_s = self._times.settle_s(float(np.max(axes.jerk)))
         self._stops_at_optional = stops_at_optional
-        self._run = time_law(can_compile() if is_compiled is None else is_compiled)
-        self._axes = axis_limits(profile, profile.block_cycle_s)
-        self._speed_error = speed_error
-        self._override = 1.0
-        self._is_single_block = False
-        self._tool = 0
-        self._spindle_rpm = 0.0
-        self._is_flood = self._is_mist = False
-        self._message = self._alarm = ""
+        self._interpolator = Interpolator(
+            axes, self._times, self._lookahead_blocks, step_s, speed_error=speed_error, is_compiled=is_compiled
+        )
+        self._auxiliary = Auxiliary(self._times, stops_at_optional=stops_at_optional)
         self._record = Recorder(step_s)
         self._position: Vector = (0.0, 0.0, 0.0)
-        self._travelled: list[Motion] = []
-        self._roundings: list[Rounding] = []
-        self._blocks_before = 0
         self._begin()
 
     def _begin(self) -> None:
-        """An empty path and nothing queued: the state after power-on and after a reset."""
-        self._path = Path(self._axes, self._speed_error, self._times.same_place_mm)
+        """Nothing queued and nothing asked: the state after power-on and after a reset."""
         self._pending: list[Command | LineRun] = []
         self._preparation = Preparation(self._times, stops_at_optional=self._stops_at_optional)
-        self._law = np.zeros(STATE_SIZE)
-        self._is_at_stop = True
         self._standing_steps = 0
         self._is_closed = self._is_holding = self._is_resetting = False
-        self._single_ordinal = -1
         self._state = MachineState.READY
 
     # --- what is asked of it
@@ -111,13 +82,11 @@ class Machine:
 
     def set_override(self, percent: float) -> None:
         """Feed override, 0 to 120 %; rapids follow it up to 100 %."""
-        self._override = min(max(percent, 0.0), 120.0) / 100.0
-        self._path.pieces.limit(self._override, 0)
+        self._interpolator.set_override(min(max(percent, 0.0), 120.0) / 100.0)
 
     def set_single_block(self, is_on: bool) -> None:
         """Stand after every motion block until cycle start."""
-        self._is_single_block = is_on
-        self._mark_single_block()
+        self._interpolator.set_single_block(is_on)
 
     def feed_hold(self) -> None:
         """Stop along the path as fast as jerk allows; cycle start goes on."""
@@ -136,7 +105,7 @@ class Machine:
         """Stop along the path, then forget everything that is queued."""
         self._is_holding = self._is_resetting = True
         self._pending.clear()
-        if self._law[V] == 0.0 and self._law[A] == 0.0:
+        if self._interpolator.is_settled:
             self._finish_reset()
 
     def advance(self, until_s: float) -> Samples:
@@ -157,7 +126,7 @@ class Machine:
     @property
     def free_blocks(self) -> int:
         """How many more blocks fit between interpreter and interpolator."""
-        return max(0, self._profile.lookahead_blocks - self._queued())
+        return max(0, self._lookahead_blocks - self._queued())
 
     @property
     def time_s(self) -> float:
@@ -181,46 +150,50 @@ class Machine:
     @property
     def roundings(self) -> list[Rounding]:
         """Every rounded corner with the deviation it made, planned ones included."""
-        return self._roundings + self._path.track.roundings()
+        return self._interpolator.roundings
 
     @property
     def start_mm(self) -> Vector | None:
         """Where the first motion known begins."""
-        return self._path.moves[0].start if len(self._path.moves) else None
+        return self._interpolator.start_mm
 
     @property
     def travelled(self) -> list[Motion]:
         """The motions as really made so far, roundings included."""
-        return self._travelled + self._path_so_far()
+        return self._interpolator.travelled
 
     def snapshot(self) -> MachineSnapshot:
         """The machine at this moment."""
-        motion = self._motion()
+        interpolator, auxiliary, record = self._interpolator, self._auxiliary, self._record
+        motion = interpolator.motion
         to_go = np.zeros(3) if motion is None else np.subtract(motion.end, self._position)
-        line, block = self._record.line, self._record.block
         return MachineSnapshot(
             time_s=self.time_s,
             position_mm=self._position,
             distance_to_go_mm=(float(to_go[0]), float(to_go[1]), float(to_go[2])),
-            feed_mm_min=float(self._law[V]) * 60.0,
-            line=line,
-            block=block,
+            feed_mm_min=interpolator.speed_mm_s * 60.0,
+            line=record.line,
+            block=record.block,
             state=self._state,
-            is_starved=self._record.reason is StopReason.STARVED,
-            is_moving=bool(self._law[V] > 0.0),
-            tool=self._tool,
-            spindle_rpm=self._spindle_rpm,
-            is_flood=self._is_flood,
-            is_mist=self._is_mist,
-            override_percent=self._override * 100.0,
-            is_single_block=self._is_single_block,
-            blocks_done=self._blocks_before + self._ordinal(),
+            is_starved=record.reason is StopReason.STARVED,
+            is_moving=not interpolator.is_at_rest,
+            tool=auxiliary.tool,
+            spindle_rpm=auxiliary.spindle_rpm,
+            is_flood=auxiliary.is_flood,
+            is_mist=auxiliary.is_mist,
+            override_percent=interpolator.override * 100.0,
+            is_single_block=interpolator.is_single_block,
+            blocks_done=interpolator.blocks_done,
             blocks_queued=self._queued(),
-            message=self._message,
-            alarm=self._alarm,
+            message=auxiliary.message,
+            alarm=auxiliary.alarm,
         )
 
-    # --- preparation
+    def _queued(self) -> int:
+        waiting = sum(len(each) if isinstance(each, LineRun) else 1 for each in self._pending)
+        return waiting + self._interpolator.motion_count - self._interpolator.ordinal
+
+    # --- what it does
 
     def _prepare(self) -> None:
         """Take what was offered into the path and the queue of events."""
@@ -228,45 +201,12 @@ class Machine:
             return
         if self._state is MachineState.READY:
             self._state = MachineState.ACTIVE
-        runs = self._preparation.take(self._pending, len(self._path.moves), is_single_block=self._is_single_block)
+        runs = self._preparation.take(
+            self._pending, self._interpolator.motion_count, is_single_block=self._interpolator.is_single_block
+        )
         self._pending.clear()
         if runs:
-            first = self._path.add(runs, self._committed_mm())
-            self._path.pieces.limit(self._override, max(first - 1, 0))
-            self._find_piece()
-            self._mark_single_block()
-
-    def _committed_mm(self) -> float:
-        """Path length where the machine can stand at the earliest."""
-        rows, state = self._path.pieces, self._law
-        if rows.count == 0:
-            return 0.0
-        piece = min(int(state[PIECE]), rows.count - 1)
-        room = brake_mm(state[V], state[A], 0.0, PLANNED * rows.rows[piece, ACC], PLANNED * rows.rows[piece, JERK])
-        return float(state[S] + room)
-
-    def _find_piece(self) -> None:
-        """The path has changed ahead: the same place may have another row now."""
-        rows, state = self._path.pieces, self._law
-        if not self._is_at_stop:
-            found = int(np.searchsorted(rows.ends[: rows.count], state[S], side="right"))
-            state[PIECE] = min(found, rows.count - 1)
-        state[HORIZON] = state[PIECE]
-
-    def _mark_single_block(self) -> None:
-        """In single block the first block end at which the axes can stand is a stop."""
-        rows, path = self._path.pieces, self._path
-        if self._single_ordinal >= 0 and not self._is_single_block:
-            path.unstop(self._single_ordinal)
-            self._single_ordinal = -1
-        elif self._is_single_block and not self._is_at_stop and rows.count:
-            self._single_ordinal = path.first_end(int(self._law[PIECE]), self._committed_mm())
-            path.stop_at(self._single_ordinal)
-        else:
-            return
-        rows.limit(self._override, int(self._law[PIECE]))
-
-    # --- motion
+            self._interpolator.add(runs)
 
     def _do_something(self, limit: float) -> bool:
         """One stretch of standing, one event or one run of the law; False when only others can make it go on."""
@@ -278,11 +218,11 @@ class Machine:
             return True
         if self._state not in (MachineState.ACTIVE, MachineState.FEED_HOLD):
             return False
-        if self._is_at_stop:
+        if self._interpolator.is_at_stop:
             return self._leave_stop()
-        if self._law[V] == 0.0 and self._is_holding:
+        if self._interpolator.is_at_rest and self._is_holding:
             return self._hold()
-        if self._law[V] == 0.0 and self._override == 0.0:
+        if self._interpolator.is_at_rest and self._interpolator.override == 0.0:
             self._record.begin_stand(StopReason.OVERRIDE, self._position)
             return False
         self._move(int(min(left, 4096)))
@@ -297,13 +237,9 @@ class Machine:
         return False
 
     def _finish_reset(self) -> None:
-        self._travelled += self._path_so_far()
-        self._roundings += self._path.track.roundings()
-        self._blocks_before += self._ordinal()
+        self._interpolator.reset()
+        self._auxiliary.reset()
         self._begin()
-        self._spindle_rpm = 0.0
-        self._is_flood = self._is_mist = False
-        self._alarm = ""
         self._record.begin_stand(StopReason.RESET, self._position)
 
     def _leave_stop(self) -> bool:
@@ -312,136 +248,52 @@ class Machine:
             self._finish_reset()
             return False
         events = self._preparation.events
-        if events and events[0].after <= self._ordinal():
+        if events and events[0].after <= self._interpolator.ordinal:
             self._do_event(events.popleft().command)
             return True
         if self._is_holding:
             return self._hold()
-        rows = self._path.pieces
-        next_piece = int(np.searchsorted(rows.ends[: rows.count], self._law[S], side="right"))
-        if next_piece < rows.count:
-            self._law[PIECE] = self._law[HORIZON] = next_piece
-            self._is_at_stop = False
-            self._mark_single_block()
-            motion = self._path.moves[int(rows.ordinals[next_piece])]
+        motion = self._interpolator.set_off()
+        if motion is not None:
             if self._record.is_new:
                 self._position = motion.start
             return True
         if self._is_closed:
             self._state = MachineState.COMPLETED
             self._record.begin_stand(StopReason.END, self._position)
-        elif rows.count > 0:
+        elif self._interpolator.has_path:
             self._record.begin_stand(StopReason.STARVED, self._position)
         return False
 
     def _move(self, steps: int) -> None:
-        """Run the law for at most this many steps and log them."""
-        rows = self._path.pieces
-        log_s, log_v, log_piece = np.empty(steps), np.empty(steps), np.empty(steps, dtype=np.int64)
+        """Move for at most this many steps and log them."""
         self._record.end_stand()
-        done = self._run(
-            self._law,
-            rows.count,
-            rows.rows,
-            rows.ordinals,
-            self._profile.lookahead_blocks,
-            self._is_holding,
-            self._step_s,
-            log_s,
-            log_v,
-            log_piece,
-        )
-        points = self._path.track.positions(log_s[:done], log_piece[:done])
-        piece = int(log_piece[done - 1])
-        has_landed = self._law[V] == 0.0 and log_s[done - 1] == rows.ends[piece]
-        if has_landed:
-            end = self._path.moves[int(rows.ordinals[piece])].end
-            if np.max(np.abs(points[-1] - end)) <= self._times.same_place_mm:
-                points[-1] = end
-        self._log(points, log_v[:done], rows.ordinals[log_piece[:done]])
+        stretch = self._interpolator.run(steps, self._is_holding)
+        self._record.move(stretch.points_mm, stretch.feeds_mm_min, stretch.lines, stretch.blocks)
+        x, y, z = stretch.points_mm[-1].tolist()
+        self._position = (x, y, z)
         events = self._preparation.events
-        while events and events[0].after <= self._ordinal() and not events[0].is_synchronous:
+        while events and events[0].after <= self._interpolator.ordinal and not events[0].is_synchronous:
             self._do_event(events.popleft().command)
-        if has_landed:
-            self._arrive(int(rows.ordinals[piece]))
-
-    def _log(self, points: Array, speeds: Array, ordinals: Indices) -> None:
-        """Log steps on the motions of these numbers."""
-        self._record.move(points, speeds * 60.0, *self._path.moves.sources(ordinals))
-        self._position = (float(points[-1, 0]), float(points[-1, 1]), float(points[-1, 2]))
+        if stretch.landed is not None:
+            self._arrive(stretch.landed)
 
     def _arrive(self, ordinal: int) -> None:
         """The axes stand at the end of a motion."""
-        self._is_at_stop = True
-        reason = self._path.reasons.get(ordinal)
-        if ordinal == self._single_ordinal:
-            self._single_ordinal = -1
+        reason, is_single = self._interpolator.arrive(ordinal)
+        if is_single:
             self._state = MachineState.SINGLE_BLOCK
             reason = reason or StopReason.SINGLE_BLOCK
         if reason is not None:
             self._record.begin_stand(reason, self._position)
         if reason is StopReason.EXACT_STOP:
-            self._standing_steps = math.ceil(self._times.settle_s(float(np.max(self._axes.jerk))) / self._step_s)
+            self._standing_steps = math.ceil(self._settle_s / self._step_s)
 
     def _do_event(self, command: Command) -> None:
-        """Carry out what is no motion; the axes stand if it is one they stand for."""
-        match command:
-            case canon.Dwell(time_s=time_s):
-                self._stand(StopReason.DWELL, time_s)
-            case canon.ChangeTool(number=number):
-                self._tool = number
-                self._stand(StopReason.TOOL_CHANGE, self._times.tool_change_s)
-            case canon.Spindle(speed_rpm=speed_rpm):
-                if speed_rpm != self._spindle_rpm:
-                    self._spindle_rpm = speed_rpm
-                    self._stand(StopReason.SPINDLE, self._times.spindle_start_s)
-            case canon.Coolant(is_flood=is_flood, is_mist=is_mist):
-                self._is_flood, self._is_mist = is_flood, is_mist
-            case canon.Message(text=text):
-                self._message = text
-            case canon.Stop(is_optional=is_optional):
-                if not is_optional:
-                    self._wait(MachineState.PROGRAM_STOPPED, StopReason.PROGRAM_STOP)
-                elif self._stops_at_optional:
-                    self._wait(MachineState.OPTIONAL_STOP, StopReason.OPTIONAL_STOP)
-            case canon.End():
-                self._spindle_rpm = 0.0
-                self._is_flood = self._is_mist = False
-                self._wait(MachineState.COMPLETED, StopReason.END)
-            case canon.Alarm(number=number, text=text):
-                self._alarm = f"{number} {text}"
-                self._wait(MachineState.ALARM, StopReason.ALARM)
-            case _:
-                pass
+        """Carry out what is no motion."""
+        halt = self._auxiliary.carry_out(command)
+        if halt is not None:
+            self._record.begin_stand(halt.reason, self._position)
+            self._standing_steps = math.ceil(halt.time_s / self._step_s - 1e-9)
+            self._state = halt.state or self._state
         self._record.at(command.line, command.block)
-
-    def _stand(self, reason: StopReason, time_s: float) -> None:
-        self._record.begin_stand(reason, self._position)
-        self._standing_steps = math.ceil(time_s / self._step_s - 1e-9)
-
-    def _wait(self, state: MachineState, reason: StopReason) -> None:
-        self._state = state
-        self._record.begin_stand(reason, self._position)
-
-    # --- bookkeeping
-
-    def _ordinal(self) -> int:
-        """Motions finished (standing), or the index of the one being made."""
-        rows = self._path.pieces
-        if not self._is_at_stop:
-            return int(rows.ordinals[int(self._law[PIECE])])
-        following = int(np.searchsorted(rows.ends[: rows.count], self._law[S], side="right"))
-        return int(rows.ordinals[following]) if following < rows.count else len(self._path.moves)
-
-    def _motion(self) -> Motion | None:
-        ordinal = self._ordinal()
-        if self._is_at_stop or ordinal >= len(self._path.moves):
-            return None
-        return self._path.moves[ordinal]
-
-    def _queued(self) -> int:
-        waiting = sum(len(each) if isinstance(each, LineRun) else 1 for each in self._pending)
-        return waiting + len(self._path.moves) - self._ordinal()
-
-    def _path_so_far(self) -> list[Motion]:
-        return travelled(self._path.track, float(self._law[S]))

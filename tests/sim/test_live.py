@@ -11,7 +11,7 @@ from sim.control import TABLE, Control, Execution, Happening
 from sim.faults import parse_faults
 from sim.live import EMERGENCY_STOP_ALARM, OVERRUN_ALARM, LiveMill
 from sim.messages import Completed, Heard
-from sim.motion.machine import Samples
+from sim.motion.values import Samples
 from sim.profile import AxisLimits, MillProfile
 from sim.uart import Uart
 

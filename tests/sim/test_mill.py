@@ -12,7 +12,7 @@ import pytest
 from sim.interpreter.canon import Alarm, ChangeTool, Line
 from sim.interpreter.run import interpret
 from sim.mill import rehearse, settings_of
-from sim.motion.machine import Samples
+from sim.motion.values import Samples
 from sim.motion_log import MotionLog, Peaks
 from tests.sim.test_live import PROFILE
 

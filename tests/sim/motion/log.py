@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.interpreter import canon
-from sim.motion.machine import Machine, MachineTimes, Samples
+from sim.motion.machine import Machine
+from sim.motion.values import MachineTimes, Samples
 from sim.profile import AxisLimits, MillProfile
 
 Array = NDArray[np.float64]

@@ -7,7 +7,8 @@ import pytest
 from sim.interpreter import canon
 from sim.interpreter.canon import Command, PathMode
 from sim.motion.estimate import estimate_time_s
-from sim.motion.machine import Machine, MachineState
+from sim.motion.machine import Machine
+from sim.motion.values import MachineState
 from tests.sim.motion.log import mill
 from tests.sim.motion.programs import random_program
 

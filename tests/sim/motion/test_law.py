@@ -15,7 +15,8 @@ from sim.interpreter.canon import PathMode
 from sim.motion import law
 from sim.motion.braking import brake_mm, ease_mm
 from sim.motion.landing import landing, landing_jerk
-from sim.motion.machine import Machine, MachineState
+from sim.motion.machine import Machine
+from sim.motion.values import MachineState
 from tests.sim.motion.log import lines, mill, path_mode, run
 from tests.sim.motion.programs import random_program
 

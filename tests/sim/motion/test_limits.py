@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 
 from sim.interpreter import canon
 from sim.interpreter.canon import Motion, PathMode
-from sim.motion.machine import MachineState, MachineTimes, StandStill
 from sim.motion.shapes import shape_of
+from sim.motion.values import MachineState, MachineTimes, StandStill
 from sim.profile import AxisLimits, MillProfile
 from tests.sim.motion.log import Array, differences, lines, mill, run
 from tests.sim.motion.programs import dense_program, random_program

@@ -10,7 +10,8 @@ import pytest
 
 from sim.interpreter import canon
 from sim.interpreter.canon import PathMode
-from sim.motion.machine import Machine, MachineState, MachineTimes, StopReason
+from sim.motion.machine import Machine
+from sim.motion.values import MachineState, MachineTimes, StopReason
 from tests.sim.motion.log import differences, lines, mill, path_mode, run
 
 
