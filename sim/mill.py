@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,10 +13,9 @@ from sim.interpreter import canon
 from sim.interpreter.run import count_blocks, interpret_bulk
 from sim.interpreter.settings import G28, KnotRule, Settings, Tool
 from sim.motion.machine import Machine
+from sim.motion.through import run_through
 from sim.motion.values import MachineState, Samples, StarvedInterval
 from sim.profile import MillProfile
-
-_WAITS_FOR_OPERATOR = (MachineState.PROGRAM_STOPPED, MachineState.OPTIONAL_STOP)
 
 
 @dataclass(frozen=True)
@@ -77,14 +75,7 @@ def rehearse(
     commands = list(interpret_bulk(data, settings))
     machine = Machine(profile, profile.block_cycle_s)
     machine.set_override(override_percent)
-    for command in commands:
-        machine.offer(command)
-    machine.close()
-    parts = [machine.advance(math.inf)]
-    while machine.snapshot().state in _WAITS_FOR_OPERATOR:
-        machine.cycle_start()
-        parts.append(machine.advance(math.inf))
-    samples = _joined(parts)
+    samples = run_through(machine, commands)
     if machine.start_mm is not None:
         samples, _ = standing_at(samples, machine.start_mm)
     last_line = max((command.line for command in commands if isinstance(command, canon.End | canon.Alarm)), default=0)
@@ -111,15 +102,3 @@ def standing_at(samples: Samples, start: canon.Vector) -> tuple[Samples, bool]:
     position_mm = samples.position_mm.copy()
     position_mm[:lead] = start
     return replace(samples, position_mm=position_mm), has_moved
-
-
-def _joined(parts: Sequence[Samples]) -> Samples:
-    if len(parts) == 1:
-        return parts[0]
-    return Samples(
-        t_s=np.concatenate([part.t_s for part in parts]),
-        position_mm=np.concatenate([part.position_mm for part in parts]),
-        feed_mm_min=np.concatenate([part.feed_mm_min for part in parts]),
-        line=np.concatenate([part.line for part in parts]),
-        block=np.concatenate([part.block for part in parts]),
-    )

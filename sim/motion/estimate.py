@@ -5,15 +5,13 @@ There is no second law of time, so that what is promised and what is simulated c
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 from sim.interpreter.canon import Command, LineRun
 from sim.motion.machine import Machine
-from sim.motion.values import MachineState, MachineTimes
+from sim.motion.through import run_through
+from sim.motion.values import MachineTimes
 from sim.profile import MillProfile
-
-_WAITS_FOR_OPERATOR = (MachineState.PROGRAM_STOPPED, MachineState.OPTIONAL_STOP)
 
 
 def estimate_time_s(
@@ -24,11 +22,5 @@ def estimate_time_s(
     Dwells, tool changes, spindle starts and exact stops are counted, programmed stops are not.
     """
     machine = Machine(profile, profile.block_cycle_s, times=times)
-    for command in commands:
-        machine.offer(command)
-    machine.close()
-    machine.advance(math.inf)
-    while machine.snapshot().state in _WAITS_FOR_OPERATOR:
-        machine.cycle_start()
-        machine.advance(math.inf)
+    run_through(machine, commands)
     return machine.time_s

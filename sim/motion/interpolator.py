@@ -66,7 +66,7 @@ class Interpolator:
         self._begin()
 
     def _begin(self) -> None:
-        self._path = Path(self._axes, self._speed_error, self._times.same_place_mm)
+        self._path = Path(self._axes, self._speed_error, self._times)
         self._state = np.zeros(STATE_SIZE)
         self._single_ordinal = -1
         self.is_at_stop = True

@@ -23,7 +23,7 @@ from sim.motion.rows import ACC, CAP, JERK, KNOT, STOP
 from sim.motion.shapes import LineShape, Shape, shape_of
 from sim.motion.straight import Modal, corners_of, feed_mm_s, legs_of, wanted_reach
 from sim.motion.track import Join, Track
-from sim.motion.values import StopReason
+from sim.motion.values import MachineTimes, StopReason
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -42,10 +42,6 @@ class Run:
     is_exact_stop: bool
 
 
-_LATE_MM = 1e-4
-"""With less way than this before it must stand the machine is at the corner already."""
-
-
 @dataclass(frozen=True, slots=True)
 class _Tail:
     """The last motion, whose end is open: rows from `first_piece` on, and how it is joined to what is before it."""
@@ -59,19 +55,16 @@ class _Tail:
 
 
 class Path:
-    """The whole path of a run of the program, as far as it is known.
+    """The whole path of a run of the program, as far as it is known."""
 
-    `same_place_mm`: ends nearer than this are one point, a move shorter than this is none.
-    """
-
-    def __init__(self, axes: AxisLimits, speed_error: float, same_place_mm: float) -> None:
+    def __init__(self, axes: AxisLimits, speed_error: float, times: MachineTimes) -> None:
         self._soft = axes
         self._brisk = AxisLimits(axes.speed, axes.acceleration, axes.acceleration / axes.cycle_s, axes.cycle_s)
         self._speed_error = speed_error
-        self._same_place_mm = same_place_mm
+        self._times = times
         self._is_after_stop = self._is_extra_stop = False
         self._tail: _Tail | None = None
-        self.track = Track()
+        self.track = Track(times.no_length_mm)
         self.pieces, self.moves = self.track.pieces, self.track.moves
         self.reasons: dict[int, StopReason] = {}
 
@@ -97,13 +90,13 @@ class Path:
     def _add_legs(self, run: Run, first_ordinal: int, committed_mm: float) -> None:
         axes, modal = self._axes(run.modal), run.modal
         moves = run.motions if isinstance(run.motions, LineRun) else _straight(run.motions)
-        legs, goes = legs_of(moves, axes, self._same_place_mm)
+        legs, goes = legs_of(moves, axes, self._times.same_place_mm)
         ordinals = first_ordinal + np.flatnonzero(goes)
         if len(ordinals) == 0:
             return
         first, last = self.moves[ordinals[0]], self.moves[ordinals[-1]]
         join = self._join(first, shape_of(first, self._speed_error), int(ordinals[0]), modal, committed_mm)
-        corners = corners_of(legs, modal, axes, math.inf, self._same_place_mm)
+        corners = corners_of(legs, modal, axes, math.inf, self._times.same_place_mm)
         stops = corners.are_gaps | corners.are_sharp | (modal.mode is PathMode.EXACT_STOP)
         for k in np.flatnonzero(stops):
             self.reasons[int(ordinals[k])] = StopReason.CORNER if corners.are_sharp[k] else StopReason.EXACT_STOP
@@ -114,7 +107,7 @@ class Path:
     def _add_curve(self, run: Run, ordinal: int, committed_mm: float) -> None:
         motion = self.moves[ordinal]
         shape = shape_of(motion, self._speed_error)
-        if shape.length_mm <= self._same_place_mm:
+        if shape.length_mm <= self._times.same_place_mm:
             return
         join = self._join(motion, shape, ordinal, run.modal, committed_mm)
         first_piece = self.pieces.count
@@ -130,7 +123,7 @@ class Path:
         self._is_after_stop = False
         if tail is None:
             return Join()
-        if is_after_stop or np.max(np.abs(np.subtract(motion.start, tail.motion.end))) > self._same_place_mm:
+        if is_after_stop or np.max(np.abs(np.subtract(motion.start, tail.motion.end))) > self._times.same_place_mm:
             self._stop(None if is_after_stop else StopReason.EXACT_STOP)
             return Join()
         way = tail.modal
@@ -144,12 +137,12 @@ class Path:
         assert isinstance(tail.motion, Line | Rapid)
         assert isinstance(motion, Line | Rapid)
         axes = self._axes(tail.modal)
-        legs, _ = legs_of([tail.motion, motion], axes, self._same_place_mm)
+        legs, _ = legs_of([tail.motion, motion], axes, self._times.same_place_mm)
         room = self._room_mm(committed_mm)
-        corners = corners_of(legs, way, axes, room, self._same_place_mm)
+        corners = corners_of(legs, way, axes, room, self._times.same_place_mm)
         reach = float(corners.reach[0])
         if corners.are_sharp[0]:
-            return self._stop(StopReason.LATE if room < _LATE_MM else StopReason.CORNER)
+            return self._stop(StopReason.LATE if room < self._times.late_mm else StopReason.CORNER)
         if reach == 0.0:
             return self._pass(tail, float(corners.speed[0]), bool(corners.are_bent[0]))
         self._shorten(tail, reach)
@@ -181,7 +174,7 @@ class Path:
             return Join(corner.reach_mm)
         if speed > 0.0:
             return self._pass(tail, speed, True)
-        return self._stop(StopReason.LATE if room < _LATE_MM else StopReason.CORNER)
+        return self._stop(StopReason.LATE if room < self._times.late_mm else StopReason.CORNER)
 
     def _pass(self, tail: _Tail, speed_mm_s: float, is_bent: bool) -> Join:
         """The open end is passed as it is, at most at this speed."""
@@ -199,7 +192,7 @@ class Path:
     def _room_mm(self, committed_mm: float) -> float:
         """How much of the open end a rounding may still take: all of it until the machine comes near."""
         room = self.track.end_mm - committed_mm
-        return math.inf if committed_mm <= 0.0 else room if room > _LATE_MM else 0.0
+        return math.inf if committed_mm <= 0.0 else room if room > self._times.late_mm else 0.0
 
     def _shorten(self, tail: _Tail, reach_mm: float) -> None:
         """Lay the last motion again, without what the rounding after it takes."""
@@ -229,7 +222,7 @@ class Path:
     def first_end(self, piece: int, path_mm: float) -> int:
         """The first motion from this piece on that ends at or beyond this path length."""
         rows = self.pieces
-        found = int(np.searchsorted(rows.ends[: rows.count], path_mm - self._same_place_mm))
+        found = int(np.searchsorted(rows.ends[: rows.count], path_mm - self._times.same_place_mm))
         return int(rows.ordinals[max(piece, min(found, rows.count - 1))])
 
     def stop_at(self, ordinal: int) -> None:

@@ -76,18 +76,7 @@ class Recorder:
     def take(self) -> Samples:
         """What was logged since the last call."""
         chunks, self._chunks = self._chunks, []
-        if not chunks:
-            none = np.zeros(0, dtype=np.int64)
-            return Samples(np.zeros(0), np.zeros((0, 3)), np.zeros(0), none, none)
-        if len(chunks) == 1:
-            return chunks[0]
-        return Samples(
-            np.concatenate([chunk.t_s for chunk in chunks]),
-            np.concatenate([chunk.position_mm for chunk in chunks]),
-            np.concatenate([chunk.feed_mm_min for chunk in chunks]),
-            np.concatenate([chunk.line for chunk in chunks]),
-            np.concatenate([chunk.block for chunk in chunks]),
-        )
+        return Samples.joined(chunks)
 
     def _append(self, points: Array, feeds: Array, lines: Indices, blocks: Indices) -> None:
         times = np.arange(self.step + 1, self.step + 1 + len(points), dtype=np.float64) * self._step_s

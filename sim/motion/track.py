@@ -20,8 +20,6 @@ from sim.motion.values import Rounding
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_NO_LENGTH_MM = 1e-12
-
 
 @dataclass(frozen=True, slots=True)
 class Join:
@@ -35,9 +33,11 @@ class Track:
     """What has been laid so far; rows are added at the end, and taken back there.
 
     `bows` are the roundings between straight moves, `shapes` every other curve, `corners` those of them that round.
+    No piece is as short as `no_length_mm`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, no_length_mm: float) -> None:
+        self._no_length_mm = no_length_mm
         self.pieces = Pieces()
         self.moves = Moves()
         self.bows = Bows()
@@ -84,7 +84,7 @@ class Track:
             at = rows + 1
             lengths = np.insert(lengths, at, bow_lengths)
             body = {name: np.insert(column, at, bows[name], axis=0) for name, column in body.items()}
-        exists = lengths > _NO_LENGTH_MM
+        exists = lengths > self._no_length_mm
         if not np.all(exists):
             lengths, body = lengths[exists], {name: column[exists] for name, column in body.items()}
         edges = np.cumsum(np.concatenate([[self.end_mm], lengths]))
@@ -124,7 +124,7 @@ class Track:
         `is_spared`: a straight one leaves something for a join that is passed as it is; a curve always does.
         """
         (from_mm, to_mm), (feed, block_speed) = stretch_mm, limit_mm_s
-        if to_mm - from_mm <= _NO_LENGTH_MM:
+        if to_mm - from_mm <= self._no_length_mm:
             return
         origin, direction, index = np.zeros((1, 3)), np.zeros((1, 3)), len(self.shapes)
         if isinstance(shape, LineShape):

@@ -6,6 +6,7 @@ Positions are of the programmed point in work coordinates, mm; the clock is the 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -64,6 +65,22 @@ class Samples:
     feed_mm_min: Array
     line: NDArray[np.int64]
     block: NDArray[np.int64]
+
+    @classmethod
+    def joined(cls, parts: Sequence[Samples]) -> Samples:
+        """Stretches that follow each other as one."""
+        if len(parts) == 1:
+            return parts[0]
+        if not parts:
+            none = np.zeros(0, dtype=np.int64)
+            return cls(np.zeros(0), np.zeros((0, 3)), np.zeros(0), none, none)
+        return cls(
+            np.concatenate([part.t_s for part in parts]),
+            np.concatenate([part.position_mm for part in parts]),
+            np.concatenate([part.feed_mm_min for part in parts]),
+            np.concatenate([part.line for part in parts]),
+            np.concatenate([part.block for part in parts]),
+        )
 
     @property
     def last_number(self) -> int | None:
@@ -137,7 +154,9 @@ class MachineTimes:
     `servo_gain_per_s` and `exact_stop_mm` give the time an exact stop waits for the axes to arrive (G601 fine);
     3.5 (m/min)/mm and 0.01 mm are one real machine's. `rounding_mm` is the tolerance of G642 and the distance of G641
     where the program names none; `continuous_mm` what G64 may leave the path by in a corner, as much as G601 takes for
-    arrived; ends nearer than `same_place_mm` are one point, far below any control's resolution.
+    arrived; ends nearer than `same_place_mm` are one point, far below any control's resolution. With less way than
+    `late_mm` before it must stand the machine is at a corner already. Of a leg that roundings at both its ends use up,
+    no more than `no_length_mm` is left by the arithmetic.
     """
 
     tool_change_s: float = 4.0
@@ -147,6 +166,8 @@ class MachineTimes:
     continuous_mm: float = 0.01
     rounding_mm: float = 0.01
     same_place_mm: float = 1e-7
+    late_mm: float = 1e-4
+    no_length_mm: float = 1e-12
 
     def settle_s(self, jerk_mm_s3: float) -> float:
         """Time until the axes are within the exact-stop window after the set values have come to rest.
