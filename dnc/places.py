@@ -20,3 +20,8 @@ def runtime_folder() -> Path:
 def config_folder() -> Path:
     """`$XDG_CONFIG_HOME/dnc`, by default ~/.config/dnc."""
     return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "dnc"
+
+
+def user_machines() -> Path:
+    """Where the user's own machine profiles lie; one of the same name as a shipped one goes before it."""
+    return config_folder() / "machines"

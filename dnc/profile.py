@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import difflib
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,7 +14,8 @@ import msgspec
 from msgspec import Meta
 
 from dnc.errors import SettingsRejected
-from dnc.shipped import shipped_path
+from dnc.places import user_machines
+from dnc.shipped import shipped_names, shipped_path
 from planner import tomlfile
 
 Byte = Annotated[int, Meta(ge=0, le=255)]
@@ -130,13 +132,27 @@ class MachineProfile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     modbus: Modbus = msgspec.field(default_factory=Modbus)
 
 
-def profile_path(name_or_path: str, user_folder: Path | None = None) -> Path:
-    """Where a profile lies: a path ending in .toml, else a shipped name, else the user's folder."""
+def profile_names() -> list[str]:
+    """Every name that a profile can be called by: the shipped ones and those of the user's folder, sorted."""
+    return sorted({*shipped_names("machines"), *(path.stem for path in user_machines().glob("*.toml"))})
+
+
+def profile_path(name_or_path: str) -> Path:
+    """Where a profile lies: a path ending in .toml, else the user's folder, else those shipped.
+
+    Raises SettingsRejected for a name that is in neither, with the nearest one and the list.
+    """
     if name_or_path.endswith(".toml") or "/" in name_or_path:
         return Path(name_or_path)
-    if user_folder is not None and (user_folder / f"{name_or_path}.toml").is_file():
-        return user_folder / f"{name_or_path}.toml"
-    return shipped_path("machines", name_or_path)
+    own = user_machines() / f"{name_or_path}.toml"
+    if own.is_file():
+        return own
+    known = profile_names()
+    if name_or_path in shipped_names("machines"):
+        return shipped_path("machines", name_or_path)
+    near = difflib.get_close_matches(name_or_path, known, n=1)
+    meant = f"did you mean {near[0]}? " if near else ""
+    raise SettingsRejected(f"there is no machine named {name_or_path!r}", remedy=f"{meant}known: {', '.join(known)}")
 
 
 def load_profile(path: Path) -> MachineProfile:

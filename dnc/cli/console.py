@@ -22,14 +22,14 @@ def command(machine: str, modbus: str | None, *, low_power: bool) -> int:
         raise click.UsageError("the console needs a terminal; dnc status --watch reads the same too")
 
     from dnc.console.app import Console, Machine
-    from dnc.places import config_folder, runtime_folder
+    from dnc.places import runtime_folder
     from dnc.profile import load_profile, profile_path
     from dnc.status.job import JobWatcher
     from dnc.status.monitor import modbus_of
 
     for name in ("COLUMNS", "LINES"):  # where they are exported, they would hide every change of the terminal's size
         os.environ.pop(name, None)
-    path = profile_path(machine, config_folder() / "machines")
+    path = profile_path(machine)
     modbus_settings = modbus_of(load_profile(path).modbus, modbus)
     console = Console(Machine(machine, path), modbus_settings, JobWatcher(runtime_folder()), 1.0 if low_power else 0.5)
     console.run()

@@ -17,7 +17,7 @@ def command(port: str | None, loopback: bool, machine: str, as_json: bool) -> in
     """Examine rights, modem manager, power saving, adapter latency, clock, disk and priority; change nothing."""
     from dnc.doctor import Finding, examine, probe_loopback
     from dnc.errors import PortUnavailable
-    from dnc.places import config_folder, state_folder
+    from dnc.places import state_folder
     from dnc.port import SerialPort
     from dnc.profile import load_profile, profile_path
 
@@ -25,7 +25,7 @@ def command(port: str | None, loopback: bool, machine: str, as_json: bool) -> in
         raise click.UsageError("--loopback needs --port")
     findings = examine(state_folder())
     if port is not None:
-        profile = load_profile(profile_path(machine, config_folder() / "machines"))
+        profile = load_profile(profile_path(machine))
         try:
             opened = SerialPort(port, profile.link)
         except PortUnavailable as problem:

@@ -23,11 +23,10 @@ def command(machine: str, modbus: str | None, *, as_json: bool, watch: bool, cou
 
     Every value carries its age, source and quality. Exit code 10 when the machine cannot be read.
     """
-    from dnc.places import config_folder
     from dnc.profile import load_profile, profile_path
     from dnc.status.monitor import modbus_of
 
-    profile = load_profile(profile_path(machine, config_folder() / "machines"))
+    profile = load_profile(profile_path(machine))
     settings = modbus_of(profile.modbus, modbus)
     readings = (count if watch else 1) if count or not watch else None
     with contextlib.suppress(KeyboardInterrupt):
