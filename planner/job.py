@@ -18,6 +18,7 @@ Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 Feed = Annotated[float, Meta(ge=0.001, le=999_999.999)]  # what an F word can say
 SpindleSpeed = Annotated[float, Meta(gt=0, le=999_999.999)]
+Height = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Dwell = Annotated[float, Meta(ge=0, le=3600)]
 Xy = tuple[float, float]
 Xyz = tuple[float, float, float]
@@ -32,8 +33,8 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Setup(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where the part stands on the machine; heights above the work offset."""
 
-    clearance_z_mm: float
-    safe_z_mm: float
+    clearance_z_mm: Height
+    safe_z_mm: Height
     work_offset: str = "G54"
     origin: str = ""
     stock_box_mm: tuple[Xyz, Xyz] | None = None

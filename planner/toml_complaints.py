@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import difflib
 import re
 from collections.abc import Iterator
@@ -20,6 +21,9 @@ _IN_WORDS = {
     "bool": "true or false",
     "array": "a list",
     "object": "a table",
+    "date": "a date",
+    "time": "a time",
+    "datetime": "a date",
 }
 
 
@@ -34,7 +38,7 @@ def conversion_error(
     if unknown:
         name = unknown[1]
         near = difflib.get_close_matches(name, sorted(_field_names(kind)), n=1)
-        remedy = f"did you mean {near[0]}?" if near else "remove it, or see the list of keys in the README"
+        remedy = f"did you mean {near[0]}?" if near else "remove it, or see the list of keys in docs/interface.md"
         return error(f"unknown key {name}", path=path, line=_line(lines, (*at, name)), remedy=remedy)
     missing = re.search(r"missing required field `([^`]*)`", what)
     if missing:
@@ -49,17 +53,28 @@ def _wanted(what: str, kind: type[Any], at: _KeyPath) -> tuple[str, str]:
     """What is wrong with a value and what to write, in words of the file instead of the reader's types."""
     choice = re.search(r"[Ii]nvalid enum value '?([^']*)'?", what)
     if choice and at:
-        return f"{choice[1]!r} is no choice", f"write one of {', '.join(_choices(kind, str(at[-1])))}"
+        said = choice[1].lower() if choice[1] in ("True", "False") else repr(choice[1])
+        return f"{said} is no choice", f"write one of {', '.join(_choices(kind, str(at[-1])))}"
+    if "RFC3339" in what:
+        return "is no date", "write one such as 2026-11-26, without quotes"
     types = re.fullmatch(r"Expected `([^`]*)`, got `([^`]*)`", what)
     if types:
-        wanted, found = (" or ".join(_IN_WORDS.get(one, one) for one in part.split(" | ")) for part in types.groups())
+        wanted, found = (_in_words(part) for part in types.groups())
         return f"is {found}", f"write {wanted}"
+    lengths = re.fullmatch(r"Expected `array` of (?:at least )?length ([^,]*), got (.*)", what)
+    if lengths:
+        return f"is a list of {lengths[2]}", f"write a list of {lengths[1]}"
     limit = re.fullmatch(r"Expected `([^`]*)` ([<>]=?) (.*)", what)
     if limit:
         return "is out of range", f"write {_IN_WORDS.get(limit[1], limit[1])} {limit[2]} {limit[3]}"
     if "matching regex" in what:
         return "has another form", "write it as in the shipped profiles"
     return f"{what[:1].lower()}{what[1:]}", "mend the value"
+
+
+def _in_words(types: str) -> str:
+    """The types of `int | null` as a user would say them; null cannot be written in TOML, it means to leave the key out."""
+    return " or ".join(_IN_WORDS.get(one, one) for one in types.split(" | ") if one != "null")
 
 
 def _line(lines: dict[_KeyPath, int], at: _KeyPath) -> int | None:
@@ -77,7 +92,9 @@ def _choices(kind: Any, name: str) -> list[str]:
     """The words that the key of this name may have."""
     literals = [part for field in _fields(kind) if field.encode_name == name for part in _parts(field.type)]
     words = [word for literal in literals if get_origin(literal) is Literal for word in get_args(literal)]
-    return words + (["a number"] if float in literals else [])
+    said = [str(word).lower() if isinstance(word, bool) else str(word) for word in words]
+    others = {float: "a number", dt.date: "a date such as 2026-11-26"}
+    return said + [name for kind, name in others.items() if kind in literals]
 
 
 def _parts(kind: Any) -> list[Any]:
