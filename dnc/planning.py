@@ -70,6 +70,16 @@ def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
         written.add(path.resolve())
 
 
+def made_folder(path: Path) -> Path:
+    """The folder to write into, made if only its last part is missing; raises InputRejected where that fails."""
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as problem:
+        what = "is no folder" if path.exists() else f"cannot be made: {problem.strerror}"
+        raise InputRejected(what, path=path, remedy="name a folder, or make it first") from None
+    return path
+
+
 def read_program(path: Path) -> bytes:
     """The bytes of a program, every one of them; raises InputRejected where there is none."""
     if not path.is_file():

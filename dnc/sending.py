@@ -20,7 +20,7 @@ from dnc.errors import InputRejected, SettingsRejected
 from dnc.hooks import hooks_of
 from dnc.job import Finished, Job, pace_of
 from dnc.names import JobNames, new_job_id
-from dnc.places import config_folder, state_folder
+from dnc.places import state_folder
 from dnc.port import Port, SerialPort
 from dnc.profile import Link, MachineProfile, load_profile, profile_path
 from dnc.progress import Progress, event_lines
@@ -58,7 +58,7 @@ class Wishes:
     force: bool
     control_was_reset: bool
     dry_run: bool
-    speed: float
+    speed: float | None
     hook: str | None
     webhook: str | None
     as_json: bool
@@ -68,6 +68,8 @@ def send(wishes: Wishes) -> int:
     """Send a program as wished and return the exit code; raises UserError for whatever forbids it."""
     if (wishes.port is None) == (not wishes.dry_run):
         raise click.UsageError("give --port PORT, or --dry-run for the virtual mill")
+    if wishes.speed is not None and not wishes.dry_run:
+        raise click.UsageError("--speed goes with --dry-run; a real control keeps its own time")
     profile = effective_profile(wishes)
     job = None if wishes.job is None else load_job(wishes.job)
     if wishes.report is not None and not wishes.report.parent.is_dir():
@@ -119,7 +121,7 @@ def _load(program: Path, profile: MachineProfile) -> Tape:
 
 def machine_profile(machine: str) -> MachineProfile:
     """The profile of this name or path."""
-    return load_profile(profile_path(machine, config_folder() / "machines"))
+    return load_profile(profile_path(machine))
 
 
 def link_with(link: Link, given: Mapping[str, object]) -> Link:
@@ -203,7 +205,10 @@ def _port(wishes: Wishes, profile: MachineProfile) -> Iterator[tuple[Port, Machi
     if wishes.port is not None:
         yield open_port(wishes.port, profile.link), profile
         return
-    with rehearsal_mill(wishes.machine, wishes.speed, wishes.program.absolute().parent, wishes.job) as (name, baud):
+    with rehearsal_mill(wishes.machine, wishes.speed or 1.0, wishes.program.absolute().parent, wishes.job) as (
+        name,
+        baud,
+    ):
         scaled = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=baud))
         yield open_port(name, scaled.link), scaled
 

@@ -6,13 +6,17 @@ from pathlib import Path
 
 import click
 
+from dnc.numbers import Number
+
 
 @click.command(epilog="Example: dnc demo --out ./dnc-demo")
 @click.option("--out", default="./dnc-demo", show_default=True, type=click.Path(path_type=Path), help="Folder to fill.")
 @click.option("--machine", default="virtual-mill", show_default=True, help="Machine profile of the mill and the line.")
 @click.option("--job", type=click.Path(path_type=Path), help="Job file; the reference part when left out.")
-@click.option("--speed", default=200.0, show_default=True, type=click.FloatRange(1.0, 1000.0), help="Time scale.")
-@click.option("--window", default=4.0, show_default=True, help="Seconds of the line at its true speed.")
+@click.option("--speed", default=200.0, show_default=True, type=Number(1, 1000), help="Time scale.")
+@click.option(
+    "--window", default=4.0, show_default=True, type=Number(0.5, 600), help="Seconds of the line at its true speed."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the report instead of the screen.")
 def command(out: Path, machine: str, job: Path | None, speed: float, window: float, as_json: bool) -> None:
     """Plan, check, drip-feed to the virtual mill over a pseudo-terminal, cut, measure."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import os
 import pkgutil
@@ -28,11 +29,15 @@ class _Commands(click.Group):
         return sorted(name.replace("_", "-") for name in names if name not in _HIDDEN and not name.startswith("_"))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of this name, its file imported now; UsageError for a name that is reserved."""
+        """The command of this name, its file imported now; UsageError for a name that is reserved or unknown."""
         if cmd_name in _NOT_BUILT:
             raise click.UsageError(f"{cmd_name} is not built yet", ctx)
-        if cmd_name not in self.list_commands(ctx):
-            return None
+        known = self.list_commands(ctx)
+        if cmd_name not in known:
+            near = difflib.get_close_matches(cmd_name, known, n=1)
+            raise click.UsageError(
+                f"no such command {cmd_name!r}" + (f"; did you mean {near[0]}?" if near else ""), ctx
+            )
         module = importlib.import_module(f"dnc.cli.{cmd_name.replace('-', '_')}")
         command = module.command
         assert isinstance(command, click.Command)
@@ -83,7 +88,8 @@ def _usage_sentence(error: click.ClickException) -> str:
     """What is wrong with the command line, and whose help tells how it is meant."""
     what = error.format_message().rstrip(".").replace("\n", " ")
     context = error.ctx if isinstance(error, click.UsageError) else None
-    return f"{what[:1].lower()}{what[1:]}; see {context.command_path if context else 'dnc'} --help"
+    joint = " " if what.endswith("?") else "; "
+    return f"{what[:1].lower()}{what[1:]}{joint}see {context.command_path if context else 'dnc'} --help"
 
 
 def _internal_fault(error: Exception) -> int:

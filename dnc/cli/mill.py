@@ -6,20 +6,20 @@ from pathlib import Path
 
 import click
 
+from dnc.numbers import Number
+
 
 @click.command(epilog="Example: dnc mill --speed 100 --link /tmp/mill --nominal thesis.toml --report mill.json")
 @click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
 @click.option("--link", type=click.Path(path_type=Path), help="symbolic link to its pseudo-terminal")
 @click.option("--modbus", metavar="HOST:PORT", help="serve status there; port 0: any free one")
-@click.option(
-    "--speed", type=click.FloatRange(min=0.001, max=100_000), default=1.0, help="of machine and line together"
-)
+@click.option("--speed", type=Number(0.001, 100_000), default=1.0, help="of machine and line together")
 @click.option("--baud", type=click.IntRange(50, 4_000_000), help="of the line at speed 1, in place of the profile's")
 @click.option("--seed", type=int, default=1, show_default=True, help="of everything random")
 @click.option("--fault", "faults", multiple=True, metavar="NAME=VALUE", help="what goes wrong; a wrong name lists them")
 @click.option("--nominal", type=click.Path(path_type=Path), help="job file: measure against its design; tool radii")
 @click.option("--programs", type=click.Path(path_type=Path), help="folder of the subprograms in its memory")
-@click.option("--probe-pitch", type=click.FloatRange(min=0.001), default=0.1, show_default=True, help="mm")
+@click.option("--probe-pitch", type=Number(0.001, 1000), default=0.1, show_default=True, help="mm")
 @click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON at the end")
 @click.option("--motion", type=click.Path(path_type=Path), help="write the motion log as CSV")
 @click.option("--plot", type=click.Path(path_type=Path), help="draw the deviation map as PNG (with --nominal)")
@@ -46,7 +46,6 @@ def command(
     import dataclasses
     import json
 
-    from dnc.places import config_folder
     from dnc.profile import load_profile, profile_path
     from planner.job import load_job
     from sim.faults import parse_faults
@@ -58,7 +57,7 @@ def command(
         raise click.UsageError("--plot needs the design surface; name the job file with --nominal")
     if programs is not None and not programs.is_dir():
         raise click.UsageError(f"--programs {programs}: is no folder")
-    path = profile_path(machine, config_folder() / "machines")
+    path = profile_path(machine)
     profile = load_mill_profile(path)
     host, port = _address(modbus) if modbus else (load_profile(path).modbus.host, load_profile(path).modbus.port)
     setup = Setup(

@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from dnc.numbers import Number
+
 _CONTROLS = ["sinumerik-840d", "fanuc-30i", "heidenhain-itnc530", "linuxcnc", "generic"]
 _BLOCKS = ["auto", "bspline", "poly", "nurbs", "spl", "arcs", "linear"]
 
@@ -20,7 +22,9 @@ _BLOCKS = ["auto", "bspline", "poly", "nurbs", "spl", "arcs", "linear"]
 @click.option("--report", type=click.Path(path_type=Path), help="write the report, rivals included, as JSON")
 @click.option("--plot", type=click.Path(path_type=Path), help="draw passes, worst scallop and one fit as PNG")
 @click.option("--sheet", type=click.Path(path_type=Path), help="write the setup sheet as one HTML page")
-@click.option("--lift", type=float, default=0.0, help="raise the whole program by this many mm, for an air cut")
+@click.option(
+    "--lift", type=Number(-1000, 1000), default=0.0, help="raise the whole program by this many mm, for an air cut"
+)
 @click.option("--knot-test", is_flag=True, help="write an air program that tells the control's knot rule instead")
 @click.option("--json", "as_json", is_flag=True, help="print the report to stdout")
 def command(

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from dnc.numbers import LONGEST_S, Number
+
 
 @click.command(epilog="Example: dnc receive --port /dev/ttyUSB0 -o programs/ --count 1")
 @click.option("--port", required=True, help="device, pty, socket://host:port or rfc2217://host:port")
@@ -17,8 +19,8 @@ import click
 @click.option("--baud", type=click.IntRange(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's")
 @click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
 @click.option("--count", type=click.IntRange(min=0), default=0, help="end after so many programs; 0: go on")
-@click.option("--wait", type=click.FloatRange(min=0), default=0.0, help="end after so many silent seconds; 0: never")
-@click.option("--silence", type=click.FloatRange(min=0.1), default=5.0, show_default=True, help="ends a program, s")
+@click.option("--wait", type=Number(0, LONGEST_S), default=0.0, help="end after so many silent seconds; 0: never")
+@click.option("--silence", type=Number(0.1, LONGEST_S), default=5.0, show_default=True, help="ends a program, s")
 @click.option("--max-bytes", type=click.IntRange(min=1), default=100_000_000, show_default=True, help="per program")
 @click.option("--send-xon", is_flag=True, help="tell the control to begin")
 @click.option("--json", "as_json", is_flag=True, help="print a report to stdout")
@@ -41,15 +43,19 @@ def command(
     """
     import dataclasses
 
-    from dnc.errors import InputRejected, LineFault
+    from dnc.errors import LineFault
+    from dnc.planning import made_folder
     from dnc.punch_in import PunchIn
     from dnc.receiving import Stored, receive
     from dnc.sending import link_with, machine_profile, open_port
 
-    if not folder.is_dir():
-        raise InputRejected("is no folder", path=folder, remedy="create it first")
     link = link_with(machine_profile(machine).link, {"baud": baud, "format": form})
     opened = open_port(port, link)
+    try:
+        made_folder(folder)
+    except BaseException:
+        opened.close()
+        raise
     label = "SIMULATED: " if opened.is_simulated else ""
 
     def say(stored: Stored) -> None:

@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from dnc.numbers import LONGEST_S, Number
+
 _HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
 
 
@@ -18,8 +20,8 @@ _HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
 @click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
 @click.option("--handshake", type=click.Choice(_HANDSHAKES))
 @click.option("--start", type=click.Choice(["immediate", "wait-xon"]), help="send at once, or wait for the first XON")
-@click.option("--start-timeout", type=click.FloatRange(min=0), help="seconds to wait for the first XON; 0: for ever")
-@click.option("--hold-timeout", type=click.FloatRange(min=0), help="seconds an XOFF may last; 0: for ever")
+@click.option("--start-timeout", type=Number(0, LONGEST_S), help="seconds to wait for the first XON; 0: for ever")
+@click.option("--hold-timeout", type=Number(0, LONGEST_S), help="seconds an XOFF may last; 0: for ever")
 @click.option("--start-at", metavar="N120", help="restart at this block, with a computed preamble")
 @click.option("--resume", is_flag=True, help="restart where the interrupted job of this program stopped")
 @click.option("--check", "check_first", is_flag=True, help="run dnc check first; errors stop the job")
@@ -29,11 +31,13 @@ _HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
 @click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON")
 @click.option("--yes", is_flag=True, help="answer the questions of --start-at, --resume and of a job that was stopped")
 @click.option(
-    "--force", is_flag=True, help="send although no handshake can keep the control's buffer from running over"
+    "--force",
+    is_flag=True,
+    help="send though no handshake keeps the control's buffer from running over; restart at any block, by any adapter",
 )
 @click.option("--control-was-reset", is_flag=True, help="the control was reset after the last job was cut off")
 @click.option("--dry-run", is_flag=True, help="send to a virtual mill started for this job (SIMULATED)")
-@click.option("--speed", type=click.FloatRange(min=0.001), default=1.0, help="time scale of --dry-run")
+@click.option("--speed", type=Number(0.001, 100_000), help="time scale of --dry-run; 1 unless given")
 @click.option("--hook", metavar="COMMAND", help="run at each alarm and change of state, JSON on stdin")
 @click.option("--webhook", metavar="URL", help="post the same events there")
 @click.option("--json", "as_json", is_flag=True, help="print the report to stdout")

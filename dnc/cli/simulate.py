@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from dnc.numbers import Number
+
 if TYPE_CHECKING:
     from sim.deviation import Verdict
     from sim.mill import Recording
@@ -19,7 +21,7 @@ _PATH = click.Path(path_type=Path)
 @click.argument("program", type=_PATH)
 @click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
 @click.option("--job", type=_PATH, help="job file: design surface and tool; without it nothing is measured")
-@click.option("--pitch", type=click.FloatRange(min=0, min_open=True), help="probe pitch in mm; R/40 unless given")
+@click.option("--pitch", type=Number(0.001, 1000), help="probe pitch in mm; R/40 unless given")
 @click.option("--motion", type=_PATH, help="write the motion log (CSV, tool tip)")
 @click.option("--report", type=_PATH, help="write the report (JSON)")
 @click.option("--plot", type=_PATH, help="draw the deviation map (PNG)")

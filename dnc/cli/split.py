@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from dnc.numbers import Number
+
 
 @click.command(epilog="Example: dnc split part.mpf --bytes 30000 -o parts/ --job job.toml")
 @click.argument("program", type=click.Path(path_type=Path))
@@ -17,7 +19,9 @@ import click
 )
 @click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
 @click.option(
-    "--retract-z", type=float, help="machine height before tool change and at the end; default: the profile's"
+    "--retract-z",
+    type=Number(-100_000, 100_000),
+    help="machine height before tool change and at the end; default: the profile's",
 )
 @click.option("--json", "as_json", is_flag=True, help="the parts as JSON on stdout")
 def command(
@@ -25,11 +29,10 @@ def command(
 ) -> int:
     """Cut PROGRAM where the tool stands clear; each part restores tool, spindle, frames and modes, and ends itself."""
     from dnc.control_side import settings_of
-    from dnc.planning import read_program, write_file
+    from dnc.planning import made_folder, read_program, write_file
     from dnc.profile import load_profile, profile_path
     from dnc.restart import Heights
     from dnc.split import split_program
-    from planner.errors import InputRejected
     from planner.job import load_job
 
     profile = load_profile(profile_path(machine))
@@ -47,8 +50,7 @@ def command(
     )
     limit = most_bytes or profile.control.receive_buffer_bytes
     parts = split_program(read_program(program), limit, heights, settings)
-    if not output.is_dir():
-        raise InputRejected("is no folder", path=output, remedy="make it first")
+    made_folder(output)
     names = [output / f"{program.stem}-{number}{program.suffix}" for number in range(1, len(parts) + 1)]
     for name, part in zip(names, parts, strict=True):
         write_file(name, part.data)

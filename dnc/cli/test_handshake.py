@@ -7,13 +7,15 @@ import sys
 
 import click
 
+from dnc.numbers import LONGEST_S, Number
+
 
 @click.command(epilog="Example: dnc test-handshake --port /dev/ttyUSB0")
 @click.option("--port", required=True, help="device or pty")
 @click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
 @click.option("--baud", type=click.IntRange(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's")
 @click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
-@click.option("--resume-wait", type=click.FloatRange(min=0), default=120.0, show_default=True, help="s to raise it")
+@click.option("--resume-wait", type=Number(0, LONGEST_S), default=120.0, show_default=True, help="s to raise it")
 @click.option("--yes", is_flag=True, help="the override is at 0 and the axes may move by 0.01 mm")
 @click.option("--json", "as_json", is_flag=True, help="print a report to stdout")
 def command(

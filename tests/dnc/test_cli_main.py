@@ -47,13 +47,19 @@ def test_no_command_shows_the_commands(capsys: pytest.CaptureFixture[str]) -> No
 
 def test_unknown_command_is_usage(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run_with(["sned"]) == ExitCode.USAGE
-    assert capsys.readouterr().err == "dnc: no such command 'sned'; see dnc --help\n"
+    assert capsys.readouterr().err == "dnc: no such command 'sned'; did you mean send? see dnc --help\n"
+    assert main.run_with(["xyzzy"]) == ExitCode.USAGE
+    assert capsys.readouterr().err == "dnc: no such command 'xyzzy'; see dnc --help\n"
 
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (["send", "part.mpf"], "dnc: give --port PORT, or --dry-run for the virtual mill; see dnc send --help\n"),
+        (
+            ["send", "part.mpf", "--port", "/dev/ttyUSB0", "--speed", "2"],
+            "dnc: --speed goes with --dry-run; a real control keeps its own time; see dnc send --help\n",
+        ),
         (["serve"], "dnc: serve is not built yet; see dnc --help\n"),
         (
             ["console"],
@@ -71,6 +77,99 @@ def test_a_wrong_command_line_is_one_sentence(
     """(2.7) What is wrong and where its help is, not the whole usage."""
     assert main.run_with(words) == ExitCode.USAGE
     assert capsys.readouterr().err == sentence
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["plan", "job.toml", "-o", "part.mpf", "--lift"],
+        ["simulate", "part.mpf", "--pitch"],
+        ["split", "part.mpf", "-o", "parts", "--job", "job.toml", "--retract-z"],
+        ["send", "part.mpf", "--dry-run", "--speed"],
+        ["send", "part.mpf", "--dry-run", "--start-timeout"],
+        ["send", "part.mpf", "--dry-run", "--hold-timeout"],
+        ["receive", "--port", "/dev/null", "-o", ".", "--wait"],
+        ["receive", "--port", "/dev/null", "-o", ".", "--silence"],
+        ["test-handshake", "--port", "/dev/null", "--yes", "--resume-wait"],
+        ["mill", "--speed"],
+        ["mill", "--probe-pitch"],
+        ["demo", "--speed"],
+        ["demo", "--window"],
+    ],
+    ids=" ".join,
+)
+@pytest.mark.parametrize("number", ["nan", "inf", "1e308"])
+def test_a_number_that_is_none_is_usage(words: list[str], number: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """(2.7)"""
+    assert main.run_with([*words, number]) == ExitCode.USAGE
+    said = capsys.readouterr().err
+    assert said.startswith(f"dnc: invalid value for '{words[-1]}': ")
+    assert said.count("\n") == 1
+
+
+@pytest.fixture
+def own_machines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The user's folder of profiles, with one of his own in it: `mine`."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    folder = tmp_path / "dnc/machines"
+    folder.mkdir(parents=True)
+    (folder / "mine.toml").write_bytes(shipped_path("machines", "virtual-mill").read_bytes())
+    return folder
+
+
+@pytest.mark.parametrize("command", ["plan", "check", "simulate", "split"])
+def test_every_command_knows_the_users_machines(command: str, own_machines: Path, tmp_path: Path) -> None:
+    """(2.7) What `dnc machines` lists can be named everywhere."""
+    program = tmp_path / "part.mpf"
+    program.write_text("N10 G0 G90 G17 Z50\nN20 M30\n")
+    job = shipped_path("jobs", "thesis")
+    words = {
+        "plan": ["plan", str(job), "-o", str(program), "--knot-test"],
+        "check": ["check", str(program)],
+        "simulate": ["simulate", str(program)],
+        "split": ["split", str(program), "-o", str(tmp_path / "parts"), "--job", str(job)],
+    }
+    assert main.run_with([*words[command], "--machine", "mine"]) == ExitCode.OK
+
+
+def test_a_broken_profile_hides_no_other(own_machines: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """(2.7)"""
+    (own_machines / "worn.toml").write_text("[link\n")
+    assert main.run_with(["machines"]) == ExitCode.SETTINGS
+    said = capsys.readouterr()
+    assert "mine" in said.out
+    assert "sinumerik-840d" in said.out
+    assert said.err.startswith(f"dnc: {own_machines}/worn.toml:1:")
+    assert said.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("poly_degree = 4", "control.poly_degree: '4' is no choice; write one of 3, 5"),
+        (
+            "knot_rule_verified = true",
+            "control.knot_rule_verified: true is no choice; write one of false, a date such as 2026-11-26",
+        ),
+        ('knot_rule_verified = "yes"', "control.knot_rule_verified: is no date; write one such as 2026-11-26"),
+    ],
+)
+def test_a_wrong_choice_lists_the_choices(
+    line: str, sentence: str, own_machines: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(2.7) Choices that are no words: numbers, false, a date."""
+    profile = own_machines / "mine.toml"
+    kept = [old for old in profile.read_text().splitlines() if old.split(" ")[0] != line.split(" ", maxsplit=1)[0]]
+    kept.insert(kept.index("[control]") + 1, line)
+    profile.write_text("\n".join(kept))
+    assert main.run_with(["check", "part.mpf", "--machine", "mine"]) == ExitCode.SETTINGS
+    assert sentence in capsys.readouterr().err
+
+
+def test_a_mistyped_machine_is_asked_back(own_machines: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """(2.7)"""
+    assert main.run_with(["check", "part.mpf", "--machine", "mime"]) == ExitCode.SETTINGS
+    assert "did you mean mine? known: five-axis-840d, mine, " in capsys.readouterr().err
 
 
 def test_unknown_machine_lists_the_known(capsys: pytest.CaptureFixture[str]) -> None:
