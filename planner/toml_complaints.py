@@ -73,7 +73,7 @@ def _wanted(what: str, kind: type[Any], at: _KeyPath) -> tuple[str, str]:
 
 
 def _in_words(types: str) -> str:
-    """The types of `int | null` as a user would say them; null cannot be written in TOML, it means to leave the key out."""
+    """The types of `int | null` in a user's words; null cannot be written in TOML, it means: leave the key out."""
     return " or ".join(_IN_WORDS.get(one, one) for one in types.split(" | ") if one != "null")
 
 
