@@ -8,7 +8,7 @@ Arrays run over coordinates w, z or numbers of a span first, then the k places i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from planner.path.curve import CurveTable
 from planner.path.gauss_newton import whole_power
 from planner.path.model import Array
 from planner.path.plane_spline import Index
-from planner.path.span_batch import SpanIndex, solve_spans
+from planner.path.span_batch import SpanFits, SpanIndex, solve_spans
 
 PLACES = 12
 NARROWEST = 0.1  # of the mean span
@@ -24,35 +24,20 @@ SHARES = ((np.arange(PLACES) + 0.5) / PLACES)[:, None]
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class Fit(SpanFits):
     """Splines of a batch, span by span, and how far they are from their curves.
 
     `knots` (6, S) about each span and its `points` (2, 4, S) of control; `arcs` (k, S) the arc lengths on the curve
     opposite to the places, `on_curve` (2, k, S) the points there with unit `normals` (2, k, S), `distance` (k, S) along
-    these; `errors_mm` (p,) the largest distance of each spline.
+    these.
     """
 
-    index: SpanIndex
     knots: Array
     points: Array
     arcs: Array
     on_curve: Array
     normals: Array
     distance: Array
-    errors_mm: Array
-
-    def take(self, rows: Index) -> Fit:
-        """These splines only; the rows rise."""
-        spans = self.index.spans_of(rows)
-        parts = {name: getattr(self, name)[..., spans] for name in _BY_SPAN}
-        return replace(self, index=SpanIndex.of(self.index.counts[rows]), errors_mm=self.errors_mm[rows], **parts)
-
-    def put(self, rows: Index, other: Fit) -> None:
-        """Overwrite these rows, which rise, by the other's."""
-        spans = self.index.spans_of(rows)
-        for name in _BY_SPAN:
-            getattr(self, name)[..., spans] = getattr(other, name)
-        self.errors_mm[rows] = other.errors_mm
 
     def spline(self, row: int) -> tuple[Array, Array]:
         """Knots (n + 4,) and control points (n, 2) of one spline."""
@@ -60,9 +45,6 @@ class Fit:
         near, points = self.knots[:, first : last + 1], self.points[:, :, first : last + 1]
         knots = np.concatenate([near[:1, 0], near[:, 0], near[5, 1:], near[5, -1:]])
         return knots, np.concatenate([points[:, :, 0], points[:, 3, 1:]], axis=1).T.copy()
-
-
-_BY_SPAN = ("knots", "points", "arcs", "on_curve", "normals", "distance")
 
 
 def places_in(knots: Array) -> Array:
@@ -110,7 +92,7 @@ def measure(
     distance = gap[1] * tangents[0] - gap[0] * tangents[1]
     normals = np.stack([-tangents[1], tangents[0]])
     errors_mm = index.largest(np.abs(distance).max(axis=0))
-    return Fit(index, knots, points, arcs, on_curve, normals, distance, errors_mm)
+    return Fit(index, errors_mm, knots, points, arcs, on_curve, normals, distance)
 
 
 def step(table: CurveTable, rows: Index, fit: Fit, power: int, damping: Array) -> tuple[Fit, Array]:

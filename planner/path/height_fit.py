@@ -7,7 +7,7 @@ their joint says, so the fit bends without a jump. Equations (F18) to (F20) of E
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from planner.path.gauss_newton import whole_power
 from planner.path.height_table import HeightTable
 from planner.path.model import Array, PlaneSpline
 from planner.path.plane_spline import Index
-from planner.path.span_batch import SpanIndex, solve_spans
+from planner.path.span_batch import SpanFits, SpanIndex, solve_spans
 
 PLACES = 14
 SHARES = ((1.0 - np.cos(np.pi * (np.arange(PLACES) + 0.5) / PLACES)) / 2.0)[:, None]
@@ -28,33 +28,18 @@ SHAPES = np.asarray(SHARES ** np.arange(6) @ _POWERS).T.reshape(2, 3, PLACES, 1)
 
 
 @dataclass(frozen=True, slots=True)
-class HeightFit:
+class HeightFit(SpanFits):
     """Quintics of a batch, span by span, and how far they are from their curves.
 
     `joints` (2, S) are the places w of both ends of every span, `values` (2, 3, S) height, slope and second derivative
     there; `distance` (k, S) is across the curve at the places of the spans, where `lean` (k, S) is the cosine of the
-    curve's angle; `errors_mm` (p,) the largest distance of each row.
+    curve's angle.
     """
 
-    index: SpanIndex
     joints: Array
     values: Array
     distance: Array
     lean: Array
-    errors_mm: Array
-
-    def take(self, rows: Index) -> HeightFit:
-        """These rows only; they rise."""
-        spans = self.index.spans_of(rows)
-        parts = {name: getattr(self, name)[..., spans] for name in _BY_SPAN}
-        return replace(self, index=SpanIndex.of(self.index.counts[rows]), errors_mm=self.errors_mm[rows], **parts)
-
-    def put(self, rows: Index, other: HeightFit) -> None:
-        """Overwrite these rows, which rise, by the other's."""
-        spans = self.index.spans_of(rows)
-        for name in _BY_SPAN:
-            getattr(self, name)[..., spans] = getattr(other, name)
-        self.errors_mm[rows] = other.errors_mm
 
     def joints_of(self, row: int) -> Array:
         """The joints (n + 1,) of one row."""
@@ -75,9 +60,6 @@ class HeightFit:
         inner = np.stack([bezier[3, :-1], at_joint, bezier[2, 1:]], axis=1).reshape(-1, 2)
         knots = np.concatenate([np.repeat(joints[0, 0], 6), np.repeat(joints[0, 1:], 3), np.repeat(joints[1, -1], 6)])
         return PlaneSpline(5, knots, np.concatenate([bezier[:3, 0], inner, bezier[3:, -1]]))
-
-
-_BY_SPAN = ("joints", "values", "distance", "lean")
 
 
 def _bezier_half(values: Array, width: Array) -> Array:
@@ -101,7 +83,7 @@ def measure(table: HeightTable, rows: Index, index: SpanIndex, joints: Array, va
     found = (SHAPES * _scaled(values, width)[:, :, None]).sum(axis=(0, 1))
     lean = 1.0 / np.sqrt(1.0 + slope**2)
     distance = (found - height) * lean
-    return HeightFit(index, joints, values, distance, lean, index.largest(np.abs(distance).max(axis=0)))
+    return HeightFit(index, index.largest(np.abs(distance).max(axis=0)), joints, values, distance, lean)
 
 
 def _scaled(values: Array, width: Array) -> Array:

@@ -6,7 +6,8 @@ i + w - 1, its window.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 
@@ -48,6 +49,31 @@ class SpanIndex:
     def total(self, values: Array) -> Array:
         """The sum (p,) over each spline, from values (S,)."""
         return np.asarray(np.add.reduceat(values, self.firsts))
+
+
+@dataclass(frozen=True, slots=True)
+class SpanFits:
+    """Fits of a batch: `errors_mm` (p,) are their largest distances; all arrays that a kind of fit adds end in S."""
+
+    index: SpanIndex
+    errors_mm: Array
+
+    def take(self, rows: Index) -> Self:
+        """These fits only; the rows rise."""
+        spans = self.index.spans_of(rows)
+        own = {name: getattr(self, name)[..., spans] for name in self._own_arrays()}
+        return replace(self, index=SpanIndex.of(self.index.counts[rows]), errors_mm=self.errors_mm[rows], **own)
+
+    def put(self, rows: Index, other: Self) -> None:
+        """Overwrite these rows, which rise, by the other's."""
+        spans = self.index.spans_of(rows)
+        for name in self._own_arrays():
+            getattr(self, name)[..., spans] = getattr(other, name)
+        self.errors_mm[rows] = other.errors_mm
+
+    def _own_arrays(self) -> list[str]:
+        shared = {field.name for field in fields(SpanFits)}
+        return [field.name for field in fields(self) if field.name not in shared]
 
 
 def solve_spans(blocks: Array, right: Array, index: SpanIndex, damping: Array) -> Array:

@@ -47,7 +47,7 @@ class AnalyticCurve:
         wanted = arc_mm - self._arc[cell]
         length = self._arc[cell + 1] - self._arc[cell]
         parameters = base + (self._grid[cell + 1] - base) * wanted / length
-        for _ in range(4):
+        for _ in range(2):
             width = parameters - base
             inner = base[:, None] + width[:, None] * self._nodes
             walked = width * (self._speed(inner.ravel()).reshape(inner.shape) @ self._weights)
