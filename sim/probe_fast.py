@@ -95,20 +95,31 @@ def _start(p: Vector, n: Vector, chords: Floats, k: int, radius: float, up: floa
 
 
 @compiled
+def _lower_end(p: Vector, n: Vector, c: Floats, k: int, radius: float, up: float) -> float:
+    """The end of a piece, s = 0 or 1, at which the line enters the ball lower (up = 0: circles in plan)."""
+    x, y, z = c[k, 0, 0] - p[0], c[k, 0, 1] - p[1], up * (c[k, 0, 2] - p[2])
+    first = _entry(x, y, z, n[0], n[1], up * n[2], radius)
+    x += c[k, 1, 0] + c[k, 2, 0] + c[k, 3, 0]
+    y += c[k, 1, 1] + c[k, 2, 1] + c[k, 3, 1]
+    z += up * (c[k, 1, 2] + c[k, 2, 2] + c[k, 3, 2])
+    return 0.0 if first <= _entry(x, y, z, n[0], n[1], up * n[2], radius) else 1.0
+
+
+@compiled
 def _lowest(p: Vector, n: Vector, c: Floats, k: int, start: float, radius: float, up: float) -> tuple[float, float]:
     """(entry, s): the lowest entry over all balls of a piece, by Newton from `start` (up = 0: circles in plan).
 
-    Stationary where the vector from the ball's centre to the entry is square to the tangent of the curve.
+    Stationary where the vector from the ball's centre to the entry is square to the tangent of the curve. Where that
+    would be a highest entry, over a bend sharper than the ball, or no entry, it starts again from the lower end.
     """
     s = start
     entry = math.inf
+    is_again = False
     for _ in range(12):
         x = c[k, 0, 0] + s * (c[k, 1, 0] + s * (c[k, 2, 0] + s * c[k, 3, 0])) - p[0]
         y = c[k, 0, 1] + s * (c[k, 1, 1] + s * (c[k, 2, 1] + s * c[k, 3, 1])) - p[1]
         z = up * (c[k, 0, 2] + s * (c[k, 1, 2] + s * (c[k, 2, 2] + s * c[k, 3, 2])) - p[2])
         entry = _entry(x, y, z, n[0], n[1], up * n[2], radius)
-        if entry == math.inf:
-            return entry, s
         gx, gy, gz = entry * n[0] - x, entry * n[1] - y, up * entry * n[2] - z
         facing = gx * n[0] + gy * n[1] + gz * up * n[2]
         if facing == 0.0:
@@ -120,9 +131,12 @@ def _lowest(p: Vector, n: Vector, c: Floats, k: int, start: float, radius: float
         slope = pull / facing * (n[0] * vx + n[1] * vy + up * n[2] * vz) - (vx * vx + vy * vy + vz * vz)
         slope += gx * (2.0 * c[k, 2, 0] + 6.0 * s * c[k, 3, 0]) + gy * (2.0 * c[k, 2, 1] + 6.0 * s * c[k, 3, 1])
         slope += up * gz * (2.0 * c[k, 2, 2] + 6.0 * s * c[k, 3, 2])
-        if slope >= 0.0:
-            return entry, s
-        following = min(1.0, max(0.0, s - pull / slope))
+        if entry == math.inf or slope >= 0.0:
+            if is_again:
+                return entry, s
+            is_again, following = True, _lower_end(p, n, c, k, radius, up)
+        else:
+            following = min(1.0, max(0.0, s - pull / slope))
         if abs(following - s) < 1e-10:
             return entry, s
         s = following
@@ -151,9 +165,9 @@ def _piece_entry(
     y = chords[k, 1] + start * chords[k, 4] - p[1]
     z = chords[k, 2] + start * chords[k, 5] - p[2]
     bound = _entry(x, y, z, n[0], n[1], n[2], radius + chords[k, 6])
-    if bound < math.inf:
-        if bound >= best:
-            return math.inf, start
+    if bound >= best and bound < math.inf and p[2] + bound * n[2] <= chords[k, 2] + start * chords[k, 5]:
+        return math.inf, start
+    if bound < best:
         entry, s = _lowest(p, n, c, k, start, radius, 1.0)
         height = c[k, 0, 2] + s * (c[k, 1, 2] + s * (c[k, 2, 2] + s * c[k, 3, 2]))
         if entry < math.inf and p[2] + entry * n[2] <= height:

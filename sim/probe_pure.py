@@ -216,11 +216,21 @@ def _start(p: Floats, n: Floats, chords: Floats, k: Ints, radius: Floats | float
     return np.where(length > 0, np.clip(s, 0.0, 1.0), 0.0)
 
 
+def _lower_end(p: Floats, n: Floats, c: Floats, k: Ints, radius: float, up: Floats) -> Floats:
+    """The ends of pieces, s = 0 or 1, at which the lines enter the ball lower (up = 0 in z: in plan)."""
+    ends = [_entry((_at(c, k, np.full(len(k), s)) - p) * up, n, radius) for s in (0.0, 1.0)]
+    return np.where(ends[0] <= ends[1], 0.0, 1.0)
+
+
 def _lowest(
     p: Floats, n: Floats, c: Floats, k: Ints, start: Floats, radius: float, up: Floats
 ) -> tuple[Floats, Floats]:
-    """(entry, s): the lowest entries over all balls of the pieces, by Newton from `start` (up = 0 in z: in plan)."""
+    """(entry, s): the lowest entries over all balls of the pieces, by Newton from `start` (up = 0 in z: in plan).
+
+    From the lower end again where that would be a highest entry, or none.
+    """
     s, entry, active, n = start.copy(), np.full(len(k), np.inf), np.arange(len(k)), n * up
+    is_again = np.zeros(len(k), dtype=bool)
     for _ in range(12):
         here, t = k[active], s[active][:, None]
         q, m = (_at(c, here, s[active]) - p[active]) * up, n[active]
@@ -231,9 +241,12 @@ def _lowest(
         bend = up * (2.0 * c[here, 2] + 6.0 * t * c[here, 3])
         pull, facing = _dot(g, v), _dot(g, m)
         slope = pull / np.where(facing != 0, facing, 1.0) * _dot(m, v) - _dot(v, v) + _dot(g, bend)
-        goes_on = np.isfinite(found) & (facing != 0) & (slope < 0)
-        following = np.clip(s[active] - pull / np.where(goes_on, slope, 1.0), 0.0, 1.0)
-        goes_on &= np.abs(following - s[active]) >= 1e-10
+        falls = np.isfinite(found) & (slope < 0)
+        following = np.clip(s[active] - pull / np.where(falls, slope, 1.0), 0.0, 1.0)
+        turned = np.flatnonzero(~falls & ~is_again[active])
+        following[turned] = _lower_end(p[active[turned]], n[active[turned]], c, here[turned], radius, up)
+        goes_on = (falls | ~is_again[active]) & (facing != 0) & (np.abs(following - s[active]) >= 1e-10)
+        is_again[active[turned]] = True
         s[active[goes_on]] = following[goes_on]
         active = active[goes_on]
         if not len(active):
@@ -254,15 +267,21 @@ def _piece_entry(
     space = np.ones(3)
     grown = radius + chords[k, 6]
     start = _start(p, n, chords, k, grown, space)
-    bound = _entry(chords[k, :3] + start[:, None] * chords[k, 3:6] - p, n, grown)
+    centre = chords[k, :3] + start[:, None] * chords[k, 3:6]
+    bound = _entry(centre - p, n, grown)
     entry, s = np.full(len(k), np.inf), start.copy()
     ball = np.flatnonzero(bound < best)
     entry[ball], s[ball] = _lowest(p[ball], n[ball], c, k[ball], start[ball], radius, space)
-    height = _at(c, k, s)[:, 2]
-    is_below = np.isfinite(entry) & (p[:, 2] + np.where(np.isfinite(entry), entry, 0.0) * n[:, 2] <= height)
-    shank = np.flatnonzero(~is_below & ~(np.isfinite(bound) & (bound >= best)))
+    is_below = _meets_below(p, n, entry, _at(c, k, s))
+    shank = np.flatnonzero(~is_below & ~((bound >= best) & _meets_below(p, n, bound, centre)))
     entry[shank], s[shank] = _shank_entry(p[shank], n[shank], c, chords, k[shank], radius)
     return entry, s
+
+
+def _meets_below(p: Floats, n: Floats, entry: Floats, centres: Floats) -> Flags:
+    """Whether the lines meet balls about these centres, and no higher than the equator, where the shank begins."""
+    hits = np.isfinite(entry)
+    return np.asarray(hits & (p[:, 2] + np.where(hits, entry, 0.0) * n[:, 2] <= centres[:, 2]))
 
 
 def _shank_entry(p: Floats, n: Floats, c: Floats, chords: Floats, k: Ints, radius: float) -> tuple[Floats, Floats]:

@@ -121,3 +121,30 @@ def test_no_motions_reach_nothing() -> None:
     probes = probes_of(sweep_of([], 0.0, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7), BallTool(R), reach_mm=1.0)
     found = probes.measure(np.zeros((3, 3)), np.tile([0.0, 0.0, 1.0], (3, 1)))
     assert np.isinf(found.height_mm).all()
+
+
+@pytest.mark.parametrize("is_compiled", [True, False])
+def test_a_ball_that_goes_over_a_hump_cuts_lowest_at_its_feet(is_compiled: bool) -> None:
+    """(3.1) On a bend sharper than the ball the middle is the highest place: the ends cut, R - sqrt(R^2 - x^2)."""
+    hump = ((-0.15, 0.0, R), (0.3, 0.0, 0.016), (0.0, 0.0, -0.016))
+    motion = Polynomial(1, None, hump[0], (0.15, 0.0, R), hump, (1.0,), 1.0, 1.0)
+    probes = probes_of(sweep_of([motion], 0.0, sag_mm=0.005, length_mm=1.3, fit_mm=1e-7), BallTool(R), reach_mm=1.0)
+    probes = dataclasses.replace(probes, is_compiled=is_compiled)
+    x = np.linspace(-0.1, 0.1, 9)
+    points = np.column_stack([x, np.zeros((9, 2))])
+    found = probes.measure(points, np.tile([0.0, 0.0, 1.0], (9, 1))).height_mm
+    np.testing.assert_allclose(found, R - np.sqrt(R * R - (0.15 - np.abs(x)) ** 2), atol=1e-12)
+
+
+@pytest.mark.parametrize("is_compiled", [True, False])
+def test_a_shank_cuts_before_its_own_ball(is_compiled: bool) -> None:
+    """(3.1) A slanting ray meets one shank, then, lower, another, whose ball it would enter above both."""
+    motions: list[Motion] = [
+        Line(1, None, (2.011, -1.0, 0.0), (2.011, 1.0, 0.0), 1.0),
+        Line(2, None, (2.0, -1.0, 0.8), (2.0, 1.0, 0.8), 1.0),
+    ]
+    probes = probes_of(sweep_of(motions, 0.0, sag_mm=0.001, length_mm=9.0, fit_mm=1e-7), BallTool(1.0), reach_mm=2.0)
+    probes = dataclasses.replace(probes, is_compiled=is_compiled)
+    found = probes.measure(np.zeros((1, 3)), np.array([[1.0, 0.0, 1.0]]) / math.sqrt(2.0))
+    assert found.height_mm[0] == pytest.approx(math.sqrt(2.0), abs=1e-12)
+    assert probes.sweep.motion[found.piece[0]] == 1
