@@ -56,6 +56,10 @@ def present_alarms(job: JobReading | None, machine: MachineStatus | None) -> lis
     number = machine.value("alarm_number") if machine is not None else None
     if number:
         found.append(AlarmLine(f"CNC-{number}", "alarm", "the control shows an alarm", "read it at the control"))
+    lost = machine.value("overrun_bytes") if machine is not None else None
+    if lost:
+        what = f"the control lost {lost} bytes: its program is damaged"
+        found.append(AlarmLine("DNC-L3", "alarm", what, "stop the control, reset it, restart with dnc send --resume"))
     if machine is not None and "map mismatch" in machine.problem:
         found.append(AlarmLine("DNC-M004", "warning", machine.problem, "name the right profile with --machine"))
     elif machine is not None and "heartbeat" in machine.problem:

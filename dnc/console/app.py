@@ -18,8 +18,9 @@ from textual.widgets import Static
 
 from dnc.console.alarms import AlarmList, present_alarms
 from dnc.console.forecast import Forecast, forecast_apart
+from dnc.console.known import Known, planned
 from dnc.console.rows import Row, Tone
-from dnc.console.view import Known, planned, screen
+from dnc.console.view import screen
 from dnc.profile import Modbus
 from dnc.status.job import JobReading, JobWatcher
 from dnc.status.monitor import StatusMonitor

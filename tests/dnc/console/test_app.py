@@ -113,7 +113,7 @@ async def test_without_a_job_a_key_says_so(tmp_path: Path) -> None:
         await pilot.press("f6")
         await until(pilot, app, lambda text: "there is no job to ask" in text)
         await pilot.press("question_mark")
-        await until(pilot, app, lambda text: "not the axes" in text)
+        await until(pilot, app, lambda text: "No key here is an emergency stop" in text)
 
 
 async def test_ctrl_s_and_ctrl_q_do_nothing(tmp_path: Path) -> None:

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from dnc.console.alarms import AlarmLine, AlarmList, present_alarms
 from dnc.console.forecast import Forecast
+from dnc.console.known import Known, planned
 from dnc.console.rows import Tone, length, text_of
-from dnc.console.view import COLUMNS, ROWS, Known, planned, screen
+from dnc.console.view import COLUMNS, HELP, ROWS, screen
 from dnc.status.job import JobReading
 from dnc.status.ledger import Ledger, MachineStatus, Trust
 from dnc.status.registers import VIRTUAL_MILL
@@ -70,8 +71,8 @@ def test_one_screen_in_full() -> None:
         " sent to line 30   in doubt 5..30   control at N27",
     ]
     for part in (
-        " *     27 N27G1X27", " >     30 N30G1X30", "ACTIVE", "X      12.402  go      0.079", "Z      -3.222  go",
-        "F       820.0  mm/min", "S        1000  T 2", "held 60% in 3 stops; beyond recall 2 of 3",
+        " *     27 N27G1X27", " >     30 N30G1X30", "ACTIVE", "X     12.402 mm  to go     0.079", "Z     -3.222 mm  to",
+        "F      820.0 mm/min", "S       1000 1/min    T 2", "held 60% in 3 stops; beyond recall 2 of 3",
         "buffer 62 % full, 0 bytes lost", "alarms: none", "F1 help",
     ):  # fmt: skip
         assert part in text
@@ -111,9 +112,11 @@ def test_held_is_normal_and_quiet() -> None:
 def test_a_job_whose_process_has_gone_is_lost_not_sending() -> None:
     """(2.2)"""
     gone = JobReading(SNAPSHOT, age_s=3.0, is_attached=False)
-    assert "### LOST ### the sending process has gone without a word" in shown(known(job=gone))
+    assert "### LOST ### the sender has gone without a word" in shown(known(job=gone))
     ended = JobReading({**SNAPSHOT, "state": "SENT"}, age_s=300.0, is_attached=False)
-    assert "### SENT ### to the control; not: done" in shown(known(job=ended))
+    assert "### SENT ### to the control, not yet done" in shown(known(job=ended))
+    completed = machine(dataclasses.replace(PANEL, execution=Execution.PROGRAM_COMPLETED))
+    assert "### SENT ### and ended by the control" in shown(known(job=ended, machine=completed))
 
 
 def test_old_values_say_their_age_and_old_positions_are_not_shown() -> None:
@@ -122,6 +125,7 @@ def test_old_values_say_their_age_and_old_positions_are_not_shown() -> None:
     assert "modbus STALE 4 s" in text
     assert "ACTIVE (4 s old)" in text
     assert "12.402" not in text
+    assert "FEED -- %  SPINDLE -- %" in text
     assert "modbus UNAVAILABLE" in shown(known(machine=None))
 
 
@@ -132,10 +136,58 @@ def test_bytes_lost_by_the_control_are_red_words() -> None:
     assert Tone.FAULT in tones(value)
 
 
+def test_an_old_count_of_lost_bytes_is_no_loss() -> None:
+    """(2.2, L3): it cried CONTROL LOST 0 (5 s old) BYTES whenever Modbus was late."""
+    value = known(machine=machine(age_s=5.0))
+    assert "LOST" not in shown(value)
+    assert Tone.FAULT not in tones(value)
+
+
+def test_an_open_emergency_stop_goes_before_what_the_machine_does() -> None:
+    """(2.2)"""
+    value = known(machine=machine(dataclasses.replace(PANEL, is_emergency_stop=True)))
+    assert "EMERGENCY STOP" in shown(value)
+    assert "ACTIVE" not in shown(value)
+
+
+def bar_of(value: Known, rows: int = ROWS) -> list[set[Tone]]:
+    """The tones of each row of the state bar."""
+    face = screen(value, COLUMNS, rows)
+    return [{span.tone for span in one if span.tone is not Tone.PLAIN} for one in face[2 : 5 if rows >= 30 else 3]]
+
+
+def test_the_state_is_a_bar_of_the_worst_colour() -> None:
+    """(2.2): read from across the shop; held for a moment stays green, so that it does not flicker."""
+    assert bar_of(known()) == [{Tone.RUNS}]
+    assert bar_of(known(job=job(state="HELD"))) == [{Tone.RUNS}]
+    assert bar_of(known(job=job(state="HELD", held_now_s=60.0))) == [{Tone.STRONG}]
+    assert bar_of(known(job=job(state="PAUSED"))) == [{Tone.ASKS}]
+    assert bar_of(known(job=JobReading(SNAPSHOT, age_s=5.0, is_attached=True))) == [{Tone.ABNORMAL}]
+    alarm = AlarmLine("CNC-12470", "alarm", "the control shows an alarm", "read it at the control")
+    assert bar_of(known(alarms=(alarm,))) == [{Tone.FAULT}]
+    assert bar_of(known(alarms=(dataclasses.replace(alarm, is_acknowledged=True),))) == [{Tone.RUNS}]
+    assert bar_of(known(), rows=40) == [{Tone.RUNS}] * 3
+
+
+@pytest.mark.parametrize(
+    "state", ["ARMED", "SENDING", "HELD", "PAUSED", "DRAINING", "SENT", "ABORTED", "FAULTED", "LOST"]
+)
+def test_it_tells_what_to_do_now_in_one_whole_line(state: str) -> None:
+    """(2.2): nothing to do while it runs; in every other state a sentence that ends before the border."""
+    reading = job(state=state, held_now_s=60.0)
+    if state == "LOST":
+        reading = JobReading(SNAPSHOT, age_s=3.0, is_attached=False)
+    line = shown(known(job=reading)).splitlines()[-2]
+    if state in ("SENDING", "DRAINING"):
+        assert line == ""
+    else:
+        assert line.endswith((".", "?"))
+
+
 def test_an_empty_buffer_in_cycle_is_abnormal() -> None:
     """(2.2, C8)"""
     value = known(machine=machine(dataclasses.replace(PANEL, buffer_fill_percent=0.0)))
-    assert "EMPTY: the line may be too slow" in shown(value)
+    assert "EMPTY: the line may be too slow for this feed" in shown(value)
 
 
 def test_progress_is_by_planned_time_where_there_is_a_plan() -> None:
@@ -178,6 +230,23 @@ def test_alarms_show_meaning_and_remedy_first_out_first() -> None:
     assert text.splitlines()[-1].startswith(" F1 help")
 
 
+def test_a_long_alarm_is_told_to_its_end() -> None:
+    """(2.2): names by-id are long; nothing of text and remedy is cut off at the border."""
+    port = "/dev/serial/by-id/usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0"
+    alarm = AlarmLine("DNC-A1", "alarm", f"the port {port} was lost while sending", "plug it in again, " * 6 + "end")
+    text = " ".join(shown(known(alarms=(alarm,))).split())
+    assert f"the port {port} was lost while sending" in text
+    assert text.count("plug it in again,") == 6
+    assert "end F1 help" in text.replace("-> ", "")
+
+
+def test_the_help_is_whole() -> None:
+    """(2.2)"""
+    text = shown(known(is_help=True))
+    for line in HELP:
+        assert line in text
+
+
 def test_the_alarm_list_keeps_order_and_acknowledgement() -> None:
     """(2.2)"""
     first, second = AlarmLine("A", "alarm", "a", ""), AlarmLine("B", "note", "b", "")
@@ -198,6 +267,8 @@ def test_alarms_come_from_job_and_machine() -> None:
     sent = {"id": "DNC-L001", "severity": "warning", "text": "held long", "remedy": "look at the control"}
     stopped = machine(dataclasses.replace(PANEL, alarm_number=12470))
     assert [alarm.id for alarm in present_alarms(job(alarms=[sent]), stopped)] == ["DNC-L001", "CNC-12470"]
+    damaged = machine(dataclasses.replace(PANEL, overrun_bytes=12))
+    assert [(alarm.id, alarm.severity) for alarm in present_alarms(None, damaged)] == [("DNC-L3", "alarm")]
     assert present_alarms(None, None) == []
 
 
