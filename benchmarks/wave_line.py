@@ -106,10 +106,13 @@ def draw(losses: Losses, path: Path) -> None:
 
     figure, panels = plt.subplots(1, len(BUFFERS_BYTES), figsize=(9, 3.8), sharey=True, layout="constrained")
     for panel, size in zip(panels, BUFFERS_BYTES, strict=True):
-        for name, sizes in losses.items():
-            panel.plot(BAUDS, sizes[size], marker="o", label=name)
+        for index, (name, sizes) in enumerate(losses.items()):
+            # Lines that lie upon each other are told apart: the later ones are thinner, with gaps.
+            style, width = ("-", "--", ":")[index % 3], 3.5 - 0.5 * index
+            panel.plot(BAUDS, sizes[size], style, lw=width, marker="o", ms=3 * width, label=name)
         panel.set(title=f"buffer {size} B", xlabel="baud", xscale="log", yscale="symlog")
         panel.set_xticks(BAUDS, [str(baud) for baud in BAUDS])
+        panel.minorticks_off()
         panel.grid(alpha=0.3)
     panels[0].set_ylabel(f"time lost, s, at {LOSS_FEED_MM_MIN:.0f} mm/min")
     handles, labels = panels[0].get_legend_handles_labels()
