@@ -113,8 +113,8 @@ def _sha_of(past: PastJob) -> str | None:
 
 def refuse_findings(program: Path, profile: MachineProfile, job: Job | None) -> None:
     """--check: raise InputRejected if `dnc check` finds an error; nothing skips this."""
+    from dnc.check.limits import limits_of
     from dnc.check.run import check_program
-    from dnc.check.track import limits_of
 
     done = check_program(program, limits_of(profile, job))
     errors = [finding for finding in done.found.findings if finding.severity.value == "error"]

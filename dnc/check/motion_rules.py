@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from dnc.check import track as geometry
+from dnc.check import moves
 from dnc.check.finding import Finding, Severity
 from dnc.check.track import Track
 from sim.interpreter import canon
@@ -17,8 +17,7 @@ CommandRule = Callable[[canon.Command, Track], Iterator[Finding]]
 
 _FEEDS = (canon.Line, canon.Arc, canon.Polynomial)
 _AXES = ("X", "Y", "Z")
-_STEEP = 0.5
-_TOUCH_MM = 1e-6
+_PLUNGE_SHARE = 0.5  # of the feed of the cut
 
 
 def alarm(command: canon.Command, track: Track) -> Iterator[Finding]:
@@ -49,7 +48,7 @@ def rapid_z_and_xy(command: canon.Command, track: Track) -> Iterator[Finding]:
     """A rapid that moves Z together with X or Y."""
     if not isinstance(command, canon.Rapid) or not track.is_position_known:
         return
-    if geometry.moves_xy(command) and command.start[2] != command.end[2]:
+    if moves.moves_xy(command) and command.start[2] != command.end[2]:
         yield Finding(
             "rapid-z-and-xy",
             Severity.WARNING,
@@ -65,10 +64,10 @@ def rapid_below(command: canon.Command, track: Track) -> Iterator[Finding]:
     """A rapid that ends below the clearance, or below the height at which the program traverses."""
     if not isinstance(command, canon.Rapid) or not track.is_position_known:
         return
-    low_mm = min(command.start[2], command.end[2]) if geometry.moves_xy(command) else command.end[2]
+    low_mm = min(command.start[2], command.end[2]) if moves.moves_xy(command) else command.end[2]
     given = track.limits.clearance_z_mm
     limit_mm, what = (track.cut_top_mm, "the highest cut") if given is None else (given, "the clearance")
-    if low_mm < limit_mm - _TOUCH_MM and not geometry.is_retract(command):
+    if low_mm < limit_mm - track.limits.touch_mm and not moves.is_retract(command):
         yield Finding(
             "rapid-below-clearance",
             Severity.ERROR,
@@ -85,7 +84,7 @@ def rapid_through_stock(command: canon.Command, track: Track) -> Iterator[Findin
     box = track.limits.stock_box_mm
     if box is None or not isinstance(command, canon.Rapid) or not track.is_position_known:
         return
-    if geometry.is_retract(command):
+    if moves.is_retract(command):
         return
     low = [min(pair) for pair in zip(command.start, command.end, strict=True)]
     high = [max(pair) for pair in zip(command.start, command.end, strict=True)]
@@ -143,15 +142,15 @@ def no_dwell(command: canon.Command, track: Track) -> Iterator[Finding]:
 
 def reversal(command: canon.Command, track: Track) -> Iterator[Finding]:
     """A feed move in the material that runs back where the tool came from."""
-    if not isinstance(command, _FEEDS) or track.is_backward or geometry.is_air(command, track.clear_z_mm):
+    if not isinstance(command, _FEEDS) or track.is_backward or moves.is_air(command, track.clear_z_mm):
         return
-    if geometry.turns_back(track.direction, command):
+    if moves.turns_back(track.direction, command):
         yield Finding(
             "reversal",
             Severity.ERROR,
             command.line,
             1,
-            f"the tool runs {geometry.length(command):.2f} mm backwards inside a pass",
+            f"the tool runs {moves.length(command):.2f} mm backwards inside a pass",
             "a coordinate may have lost a digit; the material behind is cut again, perhaps too deep",
             "compare the block with its neighbours",
         )
@@ -178,10 +177,10 @@ def axis_limit(command: canon.Command, track: Track) -> Iterator[Finding]:
 
 def steep_plunge(command: canon.Command, track: Track) -> Iterator[Finding]:
     """A plunge as fast as the cut after it."""
-    if not isinstance(command, _FEEDS) or track.plunge is None or not geometry.moves_xy(command):
+    if not isinstance(command, _FEEDS) or track.plunge is None or not moves.moves_xy(command):
         return
     plunge = track.plunge
-    if plunge.feed_mm_min > _STEEP * command.feed_mm_min:
+    if plunge.feed_mm_min > _PLUNGE_SHARE * command.feed_mm_min:
         yield Finding(
             "steep-plunge",
             Severity.WARNING,

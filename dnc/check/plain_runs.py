@@ -9,16 +9,16 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from dnc.check import track as geometry
+from dnc.check import moves
+from dnc.check.numbering import LARGEST_NUMBER, starts_over
 from dnc.check.rate import run_times_ns
-from dnc.check.track import LARGEST_NUMBER, Track, starts_over
+from dnc.check.track import Track
 from sim.interpreter.bulk import plain_ends
 from sim.interpreter.canon import LineRun, Vector
 from sim.interpreter.plain import PlainLines
 from sim.interpreter.run import Interpreter
 
 SHORTEST_RUN = 16
-_SLACK = 1e-6
 
 
 def steady_lines(lines: PlainLines) -> NDArray[np.bool_]:
@@ -51,10 +51,13 @@ def stretches(is_doubtful: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
         yield place, len(is_doubtful)
 
 
-def doubtful(values: NDArray[np.float64], interpreter: Interpreter, track: Track) -> NDArray[np.bool_]:
+def doubtful(
+    values: NDArray[np.float64], interpreter: Interpreter, track: Track, slack: float = 1e-6
+) -> NDArray[np.bool_]:
     """Which of these plain blocks (`PlainLines.values`) a rule may have something to say about, (n,).
 
-    More may be named than a rule will find, never fewer.
+    More may be named than a rule will find, never fewer: unit directions are compared with this much slack, since
+    here they are summed in another order.
     """
     ends, _ = plain_ends(interpreter, values)
     before = np.vstack([interpreter.modal.position_mm, ends[:-1]])
@@ -66,7 +69,7 @@ def doubtful(values: NDArray[np.float64], interpreter: Interpreter, track: Track
         found |= (ends[:, axis] < travel.min_mm) | (ends[:, axis] > travel.max_mm)
     rows = np.flatnonzero(has_moved)
     if len(rows) and track.direction is not None:
-        found[rows] |= _turns(ends[rows] - before[rows], track.direction)
+        found[rows] |= _turns(ends[rows] - before[rows], track.direction, slack)
     found[rows[1:]] |= _after_plunges(ends[rows], before[rows])
     return found
 
@@ -93,13 +96,13 @@ def _bad_numbers(numbers: NDArray[np.float64], track: Track) -> NDArray[np.bool_
     return found
 
 
-def _turns(ways: NDArray[np.float64], before: Vector) -> NDArray[np.bool_]:
-    """Moves that set out against the one before, seen from above, as `track.turns_back` has it or nearly so."""
+def _turns(ways: NDArray[np.float64], before: Vector, slack: float) -> NDArray[np.bool_]:
+    """Moves that set out against the one before, seen from above, as `moves.turns_back` has it or nearly so."""
     units = ways / np.sqrt((ways**2).sum(axis=1))[:, None]
     earlier = np.vstack([before, units[:-1]])
     flat = np.hypot(units[:, 0], units[:, 1]) * np.hypot(earlier[:, 0], earlier[:, 1])
     along = units[:, 0] * earlier[:, 0] + units[:, 1] * earlier[:, 1]
-    turns: NDArray[np.bool_] = (flat > geometry.TURN_FLAT - _SLACK) & (along < (_SLACK - geometry.TURN_COSINE) * flat)
+    turns: NDArray[np.bool_] = (flat > moves.TURN_FLAT - slack) & (along < (slack - moves.TURN_COSINE) * flat)
     return turns
 
 
@@ -146,8 +149,8 @@ def see_run(run: LineRun, track: Track) -> None:
         track.cut_top_mm = max(track.cut_top_mm, float(high[~is_air].max()))
     track.is_backward = False
     last = run.last
-    track.plunge = last if geometry.is_plunge(last) else None
-    track.direction = geometry.end_direction(last)
+    track.plunge = last if moves.is_plunge(last) else None
+    track.direction = moves.end_direction(last)
 
 
 def see_numbers(values: NDArray[np.float64], track: Track) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from dnc.check.finding import Finding, Severity
-from dnc.check.track import Limits, Track
+from dnc.check.limits import Limits
+from dnc.check.track import Track
 from planner.post.stamp import Stamp
 
 EndRule = Callable[[Track], Iterator[Finding]]

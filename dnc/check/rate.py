@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dnc.check.finding import Finding, Severity
-from dnc.check.track import Limits
+from dnc.check.limits import Limits
 from dnc.profile import Link
 from sim.interpreter import canon
 

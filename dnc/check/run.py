@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dnc.check.finding import Collection, Finding, Severity
+from dnc.check.limits import Limits
 from dnc.check.motion_rules import COMMAND_RULES
 from dnc.check.plain_runs import (
     SHORTEST_RUN,
@@ -27,7 +28,7 @@ from dnc.check.plain_runs import (
 from dnc.check.program_rules import END_RULES, not_checked, wrong_stamp
 from dnc.check.rate import RateWindow, move_time_s, rate_findings, whole_ns
 from dnc.check.text_rules import LINE_RULES, UTF8_MARK, UTF16_MARKS, allowed_lines, encoding_mark, is_clean
-from dnc.check.track import Limits, Track
+from dnc.check.track import Track
 from dnc.check.word_rules import BLOCK_RULES, IDLE_CODES, NUMBER_RULES, idle_words, iso_comment
 from dnc.control_side import settings_of
 from dnc.errors import InputRejected

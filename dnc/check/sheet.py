@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from dnc.check.finding import Collection, Finding, Severity
+from dnc.check.limits import Limits
+from dnc.check.moves import is_air, length, point_at
 from dnc.check.rate import line_bytes_s, move_time_s
-from dnc.check.track import Limits, is_air, length, point_at
 from planner.post.stamp import read_stamp
 from planner.sheet import SheetFacts, SheetTool, render_sheet
 from sim.interpreter import canon

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dnc.check.finding import Finding, Severity
-from dnc.check.track import Limits
+from dnc.check.limits import Limits
 from dnc.framing import CHARACTER_SETS
 from planner.gcode import DIALECTS
 

@@ -3,39 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dnc.profile import MachineProfile
+from dnc.check.limits import Limits
+from dnc.check.moves import end_direction, is_air, is_plunge, length, turns_back
+from dnc.check.numbering import NumberSet, starts_over
 from planner.gcode import GROUP_OF, Block, ModalGroup, code_of, header_name
-from planner.job import Job
 from sim.interpreter import canon
-from sim.interpreter.moves import curve_point
 
-Box = tuple[canon.Vector, canon.Vector]
 _AXES = frozenset("XYZ")
 _ENDS = frozenset({"M2", "M17", "M30"})
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """What a program is checked against; heights, stock and tool radii are known only where a job was given."""
-
-    profile: MachineProfile
-    clearance_z_mm: float | None = None
-    stock_box_mm: Box | None = None
-    tool_radii_mm: Mapping[int, float] = field(default_factory=dict)
-
-
-def limits_of(profile: MachineProfile, job: Job | None) -> Limits:
-    """The limits of a machine, with those of the job where there is one."""
-    if job is None:
-        return Limits(profile)
-    return Limits(profile, job.setup.clearance_z_mm, job.setup.stock_box_mm, job.tool_radii_mm)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,61 +22,6 @@ class SplineRun:
     line: int
     blocks: int
     with_length: int
-
-
-TURN_COSINE = 0.866
-"""Cosine of 30 degrees: a move that turns by more than 150 degrees runs back."""
-TURN_FLAT = 0.1
-"""Two moves are compared where their unit directions, seen from above, multiply to more than this."""
-LARGEST_NUMBER = 99_999_999
-"""The largest block number: eight digits, as the control's own post-processor library writes them."""
-
-
-_LEAST_ROUND = 900
-
-
-def starts_over(last: int, number: int) -> bool:
-    """Whether block numbers begin a new round: behind N9990 comes N10, because the CAM system has four digits.
-
-    >>> starts_over(9990, 10), starts_over(99999, 1), starts_over(9990, 9980), starts_over(120, 10)
-    (True, True, False, False)
-    """
-    return last >= _LEAST_ROUND and 10 * number <= last
-
-
-class NumberSet:
-    """Block numbers seen, one bit each: 12.5 MB for all that a control allows; larger ones are not remembered."""
-
-    def __init__(self) -> None:
-        self._bits = bytearray()
-
-    def __contains__(self, number: int) -> bool:
-        place, bit = divmod(number, 8)
-        return place < len(self._bits) and bool(self._bits[place] >> bit & 1)
-
-    def add(self, number: int) -> None:
-        """Remember a number, if it is one that a control allows."""
-        if number > LARGEST_NUMBER:
-            return
-        place, bit = divmod(number, 8)
-        if place >= len(self._bits):
-            self._bits.extend(bytes(max(place + 1 - len(self._bits), len(self._bits))))
-        self._bits[place] |= 1 << bit
-
-    def holds(self, numbers: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which of these numbers were added, (n,)."""
-        bits = np.frombuffer(self._bits, dtype=np.uint8)
-        found = np.zeros(len(numbers), dtype=np.bool_)
-        inside = numbers < 8 * len(bits)
-        asked = numbers[inside]
-        found[inside] = bits[asked >> 3] >> (asked & 7).astype(np.uint8) & 1
-        return found
-
-    def add_many(self, numbers: NDArray[np.int64]) -> None:
-        """Remember numbers, all of which a control allows."""
-        self.add(int(numbers.max()))
-        bits = np.frombuffer(self._bits, dtype=np.uint8)
-        np.bitwise_or.at(bits, numbers >> 3, np.uint8(1) << (numbers & 7).astype(np.uint8))
 
 
 @dataclass(slots=True)
@@ -256,86 +178,3 @@ def motion_code_of(block: Block) -> str | None:
         if code is not None and GROUP_OF.get(code) is ModalGroup.MOTION:
             return code
     return None
-
-
-def moves_xy(move: canon.Motion) -> bool:
-    """Whether X or Y changes."""
-    return move.start[:2] != move.end[:2]
-
-
-def is_plunge(move: canon.Motion) -> bool:
-    """Whether the move goes straight down."""
-    return not moves_xy(move) and move.end[2] < move.start[2]
-
-
-def is_retract(move: canon.Motion) -> bool:
-    """Whether the move goes straight up."""
-    return not moves_xy(move) and move.end[2] > move.start[2]
-
-
-def is_air(move: canon.Motion, clear_z_mm: float) -> bool:
-    """Whether a feed move touches the clear height: above it, down from it or up to it."""
-    return max(move.start[2], move.end[2]) >= clear_z_mm and (
-        not moves_xy(move) or min(move.start[2], move.end[2]) >= clear_z_mm
-    )
-
-
-def turns_back(before: canon.Vector | None, move: canon.Motion) -> bool:
-    """Whether the move sets out against the direction before it, by more than 150 degrees seen from above."""
-    if before is None:
-        return False
-    ahead = start_direction(move)
-    flat = math.hypot(*before[:2]) * math.hypot(*ahead[:2])
-    return flat > TURN_FLAT and before[0] * ahead[0] + before[1] * ahead[1] < -TURN_COSINE * flat
-
-
-def length(move: canon.Motion) -> float:
-    """Length of a move, mm; curves by eight chords."""
-    if isinstance(move, canon.Arc):
-        radius = math.dist(move.start, move.centre)
-        return math.hypot(radius * move.sweep_rad, _along_axis(move))
-    if isinstance(move, canon.Polynomial):
-        points = [point_at(move, move.length * step / 8) for step in range(9)]
-        return sum(math.dist(a, b) for a, b in pairwise(points))
-    return math.dist(move.start, move.end)
-
-
-def _along_axis(move: canon.Arc) -> float:
-    return sum((e - s) * a for s, e, a in zip(move.start, move.end, move.axis, strict=True))
-
-
-def point_at(move: canon.Polynomial, parameter: float) -> canon.Vector:
-    """The point of a polynomial at this parameter."""
-    return curve_point(move.coefficients, move.denominator, parameter)
-
-
-def start_direction(move: canon.Motion) -> canon.Vector:
-    """Unit direction at the start; (0, 0, 0) where there is none."""
-    if isinstance(move, canon.Polynomial):
-        return _unit(move.start, point_at(move, move.length * 1e-3))
-    if isinstance(move, canon.Arc):
-        return _tangent(move, move.start)
-    return _unit(move.start, move.end)
-
-
-def end_direction(move: canon.Motion) -> canon.Vector:
-    """Unit direction at the end; (0, 0, 0) where there is none."""
-    if isinstance(move, canon.Polynomial):
-        return _unit(point_at(move, move.length * (1.0 - 1e-3)), move.end)
-    if isinstance(move, canon.Arc):
-        return _tangent(move, move.end)
-    return _unit(move.start, move.end)
-
-
-def _tangent(move: canon.Arc, at: canon.Vector) -> canon.Vector:
-    ax, ay, az = move.axis
-    x, y, z = (p - c for p, c in zip(at, move.centre, strict=True))
-    return _unit((0.0, 0.0, 0.0), (ay * z - az * y, az * x - ax * z, ax * y - ay * x))
-
-
-def _unit(start: canon.Vector, end: canon.Vector) -> canon.Vector:
-    size = math.dist(start, end)
-    if size == 0.0:
-        return 0.0, 0.0, 0.0
-    x, y, z = ((e - s) / size for s, e in zip(start, end, strict=True))
-    return x, y, z

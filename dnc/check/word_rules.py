@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from dnc.check.finding import Finding, Severity
-from dnc.check.track import LARGEST_NUMBER, Track, is_inch, motion_code_of, starts_over
+from dnc.check.numbering import LARGEST_NUMBER, starts_over
+from dnc.check.track import Track, is_inch, motion_code_of
 from planner.gcode import GROUP_OF, Block, ModalGroup, Word, code_of
 from planner.gcode.statement import Case, For, Jump, Mark, Marker, RepeatSection, Until, While
 

@@ -13,9 +13,9 @@ from planner.errors import ExitCode
 
 if TYPE_CHECKING:
     from dnc.check.finding import Collection
+    from dnc.check.limits import Limits
     from dnc.check.run import Check
     from dnc.check.sheet import SheetWatch
-    from dnc.check.track import Limits
 
 
 @click.command(epilog="Example: dnc check part.mpf --machine sinumerik-840d --job job.toml")
@@ -56,7 +56,7 @@ def command(
 def _limits(machine: str, job: Path | None, baud: int | None) -> Limits:
     import msgspec
 
-    from dnc.check.track import limits_of
+    from dnc.check.limits import limits_of
     from dnc.profile import load_profile, profile_path
     from planner.job import load_job
 

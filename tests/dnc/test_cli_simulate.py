@@ -5,8 +5,8 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from dnc.check.limits import Limits
 from dnc.check.run import check_program
-from dnc.check.track import Limits
 from dnc.cli.main import run_with
 from dnc.profile import load_profile, profile_path
 

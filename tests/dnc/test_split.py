@@ -8,8 +8,8 @@ import msgspec
 import pytest
 from click.testing import CliRunner
 
+from dnc.check.limits import Limits
 from dnc.check.run import Check
-from dnc.check.track import Limits
 from dnc.cli.split import command
 from dnc.errors import InputRejected
 from dnc.profile import load_profile

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dnc.check.limits import Limits
 from dnc.check.run import check_program
-from dnc.check.track import Limits
 from dnc.profile import load_profile
 from planner.errors import ExitCode, UserError
 from planner.job import load_job

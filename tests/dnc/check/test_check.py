@@ -12,8 +12,9 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dnc.check.limits import Limits
+from dnc.check.numbering import NumberSet
 from dnc.check.run import Check, check_program
-from dnc.check.track import Limits, NumberSet
 from dnc.cli.check import command
 from dnc.cli.main import run_with
 from dnc.errors import InputRejected

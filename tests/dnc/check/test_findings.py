@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from dnc.check.finding import Severity
+from dnc.check.limits import Limits
 from dnc.check.motion_rules import ALARM_IDS
 from dnc.check.run import Check
-from dnc.check.track import Limits
 from dnc.profile import load_profile
 from dnc.shipped import shipped_path
 

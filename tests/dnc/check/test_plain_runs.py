@@ -15,9 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dnc.check import run
+from dnc.check.limits import Limits
+from dnc.check.numbering import NumberSet
 from dnc.check.rate import RateWindow
 from dnc.check.run import Check, check_program
-from dnc.check.track import Limits, NumberSet
 from dnc.profile import load_profile
 from dnc.shipped import shipped_path
 from sim.interpreter import canon

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
+from dnc.check.limits import Limits
 from dnc.check.sheet import SheetWatch
-from dnc.check.track import Limits
 from dnc.cli.check import command
 from dnc.cli.main import run_with
 from dnc.profile import load_profile

@@ -10,7 +10,7 @@ import jsonschema
 import pytest
 
 from dnc.check.run import check_program
-from dnc.check.track import Limits
+from dnc.check.limits import Limits
 from dnc.profile import load_profile
 from dnc.shipped import shipped_path
 
