@@ -20,10 +20,11 @@ from dnc.errors import InputRejected, JournalMismatch, PortUnavailable
 from dnc.joblist import PastJob, past_jobs
 from dnc.places import state_folder
 from dnc.port import Port
+from dnc.preamble import Heights
 from dnc.profile import MachineProfile
 from dnc.progress import printable
 from dnc.record import in_doubt
-from dnc.restart import Heights, RestartPoint, restart_at_line, restart_at_number
+from dnc.restart import RestartPoint, restart_at_line, restart_at_number
 from dnc.sidecar import Point, Sidecar, State, load_sidecar
 from dnc.tape import Tape
 from planner.job import Job

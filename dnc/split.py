@@ -6,7 +6,8 @@ import re
 from dataclasses import dataclass
 
 from dnc.errors import InputRejected
-from dnc.restart import Heights, RestartPoint, clear_points, height_text, retract_blocks
+from dnc.preamble import Heights, height_text, retract_blocks
+from dnc.restart import RestartPoint, clear_points
 from sim.interpreter.settings import Settings
 
 _HEADER = re.compile(rb"^%_N_([A-Za-z0-9_]+)_(MPF|SPF)[ \t]*$")

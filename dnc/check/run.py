@@ -32,7 +32,7 @@ from dnc.check.track import Track
 from dnc.check.word_rules import BLOCK_RULES, IDLE_CODES, NUMBER_RULES, idle_words, iso_comment
 from dnc.control_side import settings_of
 from dnc.errors import InputRejected
-from dnc.restart import resumed_interpreter
+from dnc.preamble import resumed_interpreter
 from planner.gcode import Block, SyntaxProblem, read_block
 from planner.post.stamp import read_stamp
 from sim.interpreter import canon

@@ -7,7 +7,7 @@ from planner.gcode.lexer import SyntaxProblem
 from planner.gcode.modal import GROUP_OF, ModalGroup
 from planner.gcode.program import Block, Program
 from planner.gcode.reader import directory_of, header_name, read_block, read_blocks, read_program
-from planner.gcode.words import Word, decimal_text, list_word, number_word, rounded_units, value_text
+from planner.gcode.words import Word, decimal_text, list_word, number_word, rounded_units, units_above, value_text
 from planner.gcode.writer import write_block, write_expression, write_word, write_words
 
 __all__ = [
@@ -41,6 +41,7 @@ __all__ = [
     "read_blocks",
     "read_program",
     "rounded_units",
+    "units_above",
     "value_text",
     "write_block",
     "write_expression",

@@ -6,8 +6,10 @@ of the last digit, so that the number written is exactly the number that was bud
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 from planner.gcode.expression import Expression, Number
 
@@ -68,6 +70,15 @@ def rounded_units(value: float, decimals: int) -> int:
     (1234, 0)
     """
     return round(value * 10.0**decimals)
+
+
+def units_above(value_mm: float, unit_mm: float, decimals: int) -> int:
+    """The smallest integer of last digits, of a unit, that is not below `value_mm` as it is written in decimals.
+
+    >>> units_above(50.0, 25.4, 4), units_above(10.16, 25.4, 4), units_above(-2.00001, 1.0, 4)
+    (19686, 4000, -20000)
+    """
+    return math.ceil(Fraction(str(value_mm)) / Fraction(str(unit_mm)) * Fraction(10**decimals))
 
 
 def value_text(value: float) -> str:

@@ -12,7 +12,6 @@ from planner.path.model import Array, DrivingPlane
 from planner.post.numbers import to_units
 
 AXES = ("X", "Y", "Z")
-_STILL = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +53,9 @@ class PassText:
     rounding_mm: float
 
 
-def is_constant(plane: DrivingPlane) -> NDArray[np.bool_]:
-    """Which of X, Y, Z stand still in this driving plane, shape (3,)."""
-    return np.append(np.abs(plane.direction[:2]) < _STILL, False)
+def is_constant(plane: DrivingPlane, still: float = 1e-12) -> NDArray[np.bool_]:
+    """Which of X, Y, Z stand still in this driving plane, shape (3,): the cosine of 90 degrees is not quite zero."""
+    return np.append(np.abs(plane.direction[:2]) < still, False)
 
 
 def moved_words(texts: list[str], before: list[str]) -> str:

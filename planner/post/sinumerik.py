@@ -7,7 +7,6 @@ pass G64 keeps to the written path. Blanks stand only where two names would run 
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -15,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from planner.errors import InputRejected
+from planner.gcode.words import decimal_text, units_above
 from planner.job import Job, Operation
 from planner.path.model import ArcChain, Array, PlaneSpline, Polyline, ToolPath
 from planner.post.arcs import arc_passes
@@ -33,7 +33,6 @@ from planner.post.written import ControlLimits, Written, rounding_budgets_mm
 _FINEST_DECIMALS = 8
 _HEAD_DECIMALS = 4
 _HEAD_DECIMALS_INCH = 5
-_NO_STEP = 1e-6  # of the last digit: what the division by the unit may leave
 _LONGEST_NAME = 24
 
 
@@ -61,8 +60,7 @@ class _Page:
 
     def height(self, value_mm: float) -> str:
         """A height to stay clear of the part: never below the value, whatever the unit."""
-        scale = 10.0**self.decimals
-        return plain(math.ceil(value_mm / self.unit_mm * scale - _NO_STEP) / scale, self.decimals)
+        return decimal_text(units_above(value_mm, self.unit_mm, self.decimals), self.decimals)
 
     def block(self, text: str, *, starts_pass: bool = False) -> None:
         if self.numbers == "all" or (starts_pass and self.numbers == "pass"):

@@ -8,7 +8,8 @@ import msgspec
 import pytest
 
 from dnc.errors import InputRejected
-from dnc.restart import Heights, modal_blocks, restart_at_line, restart_at_number, resumed_interpreter
+from dnc.preamble import Heights, modal_blocks, resumed_interpreter
+from dnc.restart import restart_at_line, restart_at_number
 from planner.post.base import write_program
 from planner.post.written import ControlLimits
 from sim.interpreter import canon

@@ -12,8 +12,8 @@ from dnc.check.limits import Limits
 from dnc.check.run import Check
 from dnc.cli.split import command
 from dnc.errors import InputRejected
+from dnc.preamble import Heights
 from dnc.profile import load_profile
-from dnc.restart import Heights
 from dnc.shipped import shipped_path
 from dnc.split import split_program
 from planner.post.base import write_program
