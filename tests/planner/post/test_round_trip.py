@@ -20,7 +20,7 @@ from sim.interpreter.settings import KnotRule, Settings
 from tests.planner.post.paths import THESIS, arcs, distance_mm, job, polyline, spline, tool_path
 
 LIMITS = ControlLimits(retract_z_mm=400.0)
-DENSE = 6_001
+DENSE = 16_001
 
 
 def write(path: ToolPath, limits: ControlLimits = LIMITS, **post: str) -> Written:
