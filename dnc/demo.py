@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from dnc.errors import ExitCode, UserError
+from planner.files import made_folder, write_file
 
 _MEASURED = (
     *("alarms", "machining_time_s", "starved_s", "blocks"),
@@ -55,7 +56,7 @@ def run_chain(folder: Path, settings: Settings, say: Say) -> Report:
 
     Raises StepFailed with the sentence of the step that failed.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    made_folder(folder)
     program = folder / "part.mpf"
     with ExitStack() as mills:
         say("plan     the reference part")
@@ -111,7 +112,7 @@ def _window(folder: Path, program: Path, settings: Settings, mill: _Mill) -> Rep
     """
     report, tape = folder / "window-send.json", folder / "window.mpf"
     lines = program.read_bytes().splitlines(keepends=True)
-    tape.write_bytes(b"".join(line for line in lines if not _WAITS.match(line)))
+    write_file(tape, b"".join(line for line in lines if not _WAITS.match(line)))
     sender = _start("send", tape, *mill.port(settings), "--report", report, stderr=subprocess.PIPE)
     _wait_or_interrupt(sender, settings.window_s)
     mill.stop()
@@ -215,9 +216,7 @@ def _read_json(path: Path) -> Report:
 
 
 def _write_json(path: Path, report: Report) -> None:
-    unfinished = path.with_suffix(".tmp")
-    unfinished.write_text(json.dumps(report, indent=1) + "\n")
-    unfinished.replace(path)
+    write_file(path, f"{json.dumps(report, indent=1)}\n".encode())
 
 
 def elapsed(say: Say) -> Say:

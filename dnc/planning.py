@@ -1,13 +1,11 @@
-"""What a plan takes from the machine profile, and how commands read a program and leave files."""
+"""What a plan takes from the machine profile."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from dnc.profile import MachineProfile
-from planner.errors import InputRejected
 from planner.post.written import ControlLimits
 
 _DECIMALS = {"fanuc": 3, "heidenhain": 4}
@@ -53,57 +51,3 @@ def travel_of(profile: MachineProfile) -> tuple[float, float, float]:
     """How far the axes X, Y and Z go, mm."""
     x, y, z = (axis.max_mm - axis.min_mm for axis in (profile.axes["X"], profile.axes["Y"], profile.axes["Z"]))
     return x, y, z
-
-
-def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
-    """Raises InputRejected where a file to be written is also read, is written twice, or lies in no folder."""
-    read, written = {path.resolve() for path in inputs}, set[Path]()
-    for path in outputs:
-        if path.resolve() in read:
-            raise InputRejected("is read by this command and would be lost", path=path, remedy="name another file")
-        if not path.parent.is_dir():
-            raise InputRejected(
-                "its folder does not exist", path=path, remedy="create the folder, or name another file"
-            )
-        if path.resolve() in written:
-            raise InputRejected("would be written twice", path=path, remedy="give every output a name of its own")
-        written.add(path.resolve())
-
-
-def made_folder(path: Path) -> Path:
-    """The folder to write into, made if only its last part is missing; raises InputRejected where that fails."""
-    try:
-        path.mkdir(exist_ok=True)
-    except OSError as problem:
-        what = "is no folder" if path.exists() else f"cannot be made: {problem.strerror}"
-        raise InputRejected(what, path=path, remedy="name a folder, or make it first") from None
-    return path
-
-
-def read_program(path: Path) -> bytes:
-    """The bytes of a program, every one of them; raises InputRejected where there is none."""
-    if not path.is_file():
-        what = "is a directory" if path.is_dir() else "is not a regular file" if path.exists() else "is not there"
-        raise InputRejected(what, path=path, remedy="name a program file")
-    try:
-        data = path.read_bytes()
-    except OSError as problem:
-        raise InputRejected(f"cannot be read: {problem.strerror}", path=path, remedy="check the rights") from None
-    if not data.strip():
-        raise InputRejected("is empty", path=path, remedy="name a program file")
-    return data
-
-
-def write_file(path: Path, data: bytes) -> None:
-    """Write a whole file or nothing: a temporary name beside it, then a rename; never in place of a device."""
-    if path.exists() and not path.is_file() and not path.is_dir():
-        raise InputRejected("is not a regular file", path=path, remedy="name a file to write")
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_bytes(data)
-        part.replace(path)
-    except OSError as problem:
-        part.unlink(missing_ok=True)
-        raise InputRejected(
-            f"cannot be written: {problem.strerror}", path=path, remedy="check folder and rights"
-        ) from None

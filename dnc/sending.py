@@ -24,11 +24,11 @@ from dnc.places import state_folder
 from dnc.port import Port, SerialPort
 from dnc.profile import Link, MachineProfile, load_profile, profile_path
 from dnc.progress import Progress, event_lines
-from dnc.record import write_whole
 from dnc.rehearsal import rehearsal_mill
 from dnc.spool import load_tape
 from dnc.stamp import refuse_contradiction
 from dnc.tape import Tape
+from planner.files import check_outputs, write_file
 from planner.job import Job as PlannedJob
 from planner.job import load_job
 
@@ -72,8 +72,9 @@ def send(wishes: Wishes) -> int:
         raise click.UsageError("--speed goes with --dry-run; a real control keeps its own time")
     profile = effective_profile(wishes)
     job = None if wishes.job is None else load_job(wishes.job)
-    if wishes.report is not None and not wishes.report.parent.is_dir():
-        raise SettingsRejected(f"the folder of {wishes.report} does not exist", remedy="create it")
+    check_outputs(
+        [wishes.report], [wishes.program, wishes.program.with_name(f"{wishes.program.name}.json"), wishes.job]
+    )
     tape = _load(wishes.program, profile)
     plan: Plan | None = None
     try:
@@ -227,13 +228,15 @@ def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restar
 
 def _ending(finished: Finished, wishes: Wishes) -> int:
     text = json.dumps(finished.report, indent=1)
-    if wishes.as_json:
-        click.echo(text)
     label = "SIMULATED: " if finished.report["simulated"] else ""
     click.echo(f"dnc: {label}{finished.sentence}", err=True)
     if wishes.report is not None:
         try:
-            write_whole(wishes.report, text + "\n")
-        except OSError as problem:
-            raise InputRejected(f"the report cannot be written: {problem.strerror}", path=wishes.report) from None
+            write_file(wishes.report, f"{text}\n".encode())
+        except InputRejected as problem:
+            if finished.exit_code == 0:
+                raise
+            click.echo(f"dnc: {problem}", err=True)
+    if wishes.as_json:
+        click.echo(text)
     return finished.exit_code

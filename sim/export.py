@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.files import write_file
 from sim.deviation import PatchMap, Verdict
 from sim.errors import InputRejected
 
@@ -19,13 +20,7 @@ def write_map(verdict: Verdict, path: Path) -> None:
     makers = {".csv": _csv, ".ply": _ply}
     if path.suffix.lower() not in makers:
         raise InputRejected("the map is written as .csv or .ply", path=path, remedy="choose one of these endings")
-    data = makers[path.suffix.lower()](verdict)
-    unfinished = path.with_name(path.name + ".tmp")
-    try:
-        unfinished.write_bytes(data)
-        unfinished.replace(path)
-    except OSError as problem:
-        raise InputRejected(f"cannot be written: {problem.strerror}", path=path, remedy="name another file") from None
+    write_file(path, makers[path.suffix.lower()](verdict))
 
 
 def _csv(verdict: Verdict) -> bytes:

@@ -9,6 +9,7 @@ from typing import TextIO
 
 import numpy as np
 
+from planner.files import part_of, unwritable
 from sim.motion.values import Samples
 from sim.peaks import peaks
 
@@ -24,19 +25,35 @@ class MotionLog:
     def __init__(self, path: Path, tip_below_mm: float) -> None:
         self._path = path
         self._below = np.array([0.0, 0.0, tip_below_mm])
-        self._unfinished = path.with_name(path.name + ".part")
+        self._unfinished = part_of(path)
         self._file: TextIO = self._unfinished.open("w", encoding="ascii")
-        self._file.write(HEADER)
+        self._problem: OSError | None = None
+        self._say(HEADER)
 
     def add(self, samples: Samples) -> None:
         """Append samples; a block without a number is left empty."""
         tip = replace(samples, position_mm=samples.position_mm - self._below)
-        self._file.write("".join(rows(tip)))
+        self._say("".join(rows(tip)))
 
     def close(self) -> None:
-        """Finish the file."""
-        self._file.close()
-        self._unfinished.replace(self._path)
+        """Finish the file; raises InputRejected where it could not be written, and then leaves nothing."""
+        try:
+            self._file.close()
+            if self._problem is None:
+                self._unfinished.replace(self._path)
+        except OSError as problem:
+            self._problem = self._problem or problem
+        if self._problem is not None:
+            self._unfinished.unlink(missing_ok=True)
+            raise unwritable(self._path, self._problem)
+
+    def _say(self, text: str) -> None:
+        """Write unless it failed before: a full disk must not stop the mill, it is told at the end."""
+        if self._problem is None:
+            try:
+                self._file.write(text)
+            except OSError as problem:
+                self._problem = problem
 
 
 def rows(samples: Samples) -> Iterable[str]:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.files import write_with
 from sim.deviation import PatchMap, Verdict
-from sim.errors import InputRejected, UserError
+from sim.errors import UserError
 from sim.interpreter.canon import Vector
 from sim.section import section_at
 from sim.stock import stock_after
@@ -50,12 +51,7 @@ def plot_deviation(verdict: Verdict, path: Path, dwells_mm: Sequence[Vector] = (
     _draw_histogram(side, verdict)
     _draw_stock(relief, verdict)
     _draw_section(section, verdict)
-    unfinished = path.with_name(path.name + ".tmp")
-    try:
-        figure.savefig(unfinished, format="png", dpi=110)
-        unfinished.replace(path)
-    except OSError as problem:
-        raise InputRejected(f"cannot be written: {problem.strerror}", path=path, remedy="name another file") from None
+    write_with(path, lambda part: figure.savefig(part, format="png", dpi=110))
 
 
 def _draw_map(figure: Any, axes: Any, verdict: Verdict) -> None:

@@ -16,7 +16,8 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, TypeVar
 
-from planner.errors import ExitCode, SettingsRejected, UserError
+from planner.errors import ExitCode, UserError
+from planner.files import check_outputs, write_file
 from sim.clock import MachineClock
 from sim.control_process import run_control
 from sim.endpoint_pty import LineProcess, Patience, Pty
@@ -47,9 +48,7 @@ def run_mill(setup: Setup, wishes: Wishes, announce: Callable[[dict[str, Any]], 
 
     `announce` is given one value when the mill is ready. Raises SettingsRejected or InputRejected with one sentence.
     """
-    for name, path in (("--report", wishes.report), ("--motion", setup.motion)):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise SettingsRejected(f"{name} {path}: there is no such folder", remedy="make it first")
+    check_outputs([wishes.report, setup.motion, setup.plot], [setup.nominal])
     with _signals() as stop, contextlib.closing(Pty(wishes.link)) as pty, _child(setup) as (child, wire):
         ready = _wait_for(wire, child, Ready, _START_S, stop.fd)
         if ready is None:
@@ -64,7 +63,8 @@ def run_mill(setup: Setup, wishes: Wishes, announce: Callable[[dict[str, Any]], 
         wire.send(Finish())
         result = _wait_for(wire, child, Result, _RESULT_S, None)
         if wishes.report is not None and result is not None:
-            _write(wishes.report, {**_heading(setup, wishes), **report, **json.loads(result.report)})
+            whole = {**_heading(setup, wishes), **report, **json.loads(result.report)}
+            write_file(wishes.report, f"{json.dumps(whole, indent=1)}\n".encode())
         return int(ExitCode.OK) if is_over else stop.exit_code()
 
 
@@ -161,9 +161,3 @@ def _wait_for(wire: Wire, child: BaseProcess, kind: type[T], within_s: float, st
         if wire.is_closed:
             break
     raise UserError(f"the mill's control process ended without a word (code {child.exitcode}); please report this")
-
-
-def _write(path: Path, report: dict[str, Any]) -> None:
-    unfinished = path.with_name(path.name + ".part")
-    unfinished.write_text(json.dumps(report, indent=1) + "\n")
-    unfinished.replace(path)

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.files import write_file
 from sim.deviation import PatchMap, Verdict
-from sim.errors import InputRejected
 from sim.interpreter.canon import Motion
 from sim.sweep import sweep_of
 
@@ -39,12 +39,7 @@ def page_of(verdict: Verdict, motions: Sequence[Motion], program: bytes, title: 
 
 def write_page(page: str, path: Path) -> None:
     """The page in a file, whole or not at all; raises InputRejected if it cannot be written."""
-    unfinished = path.with_name(path.name + ".tmp")
-    try:
-        unfinished.write_text(page)
-        unfinished.replace(path)
-    except OSError as problem:
-        raise InputRejected(f"cannot be written: {problem.strerror}", path=path, remedy="name another file") from None
+    write_file(path, page.encode())
 
 
 def _net(mapped: PatchMap, motions: Sequence[Motion], stride: int) -> dict[str, Any]:

@@ -35,9 +35,9 @@ def command(
     limits = _limits(machine, job, baud)
     if sheet is not None:
         from dnc.check.sheet import SheetWatch
-        from dnc.planning import check_outputs
+        from planner.files import check_outputs
 
-        check_outputs([sheet], [program, *([] if job is None else [job])])
+        check_outputs([sheet], [program, job])
         watch = SheetWatch(limits)
     size_bytes = program.stat().st_size if program.is_file() else 0
     with click.progressbar(
@@ -68,9 +68,10 @@ def _limits(machine: str, job: Path | None, baud: int | None) -> Limits:
 
 def _write_sheet(sheet: Path, program: Path, machine: str, watch: SheetWatch, done: Check) -> None:
     from dnc.check.sheet import program_sheet
-    from dnc.planning import machining_clock, write_file
+    from dnc.planning import machining_clock
     from dnc.profile import profile_path
     from planner.errors import InputRejected
+    from planner.files import write_file
 
     machining_s = None
     if not done.found.has_errors:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
+import errno
 import importlib
 import os
 import pkgutil
+import signal
 import sys
 import traceback
 from pathlib import Path
@@ -76,9 +79,10 @@ def run_with(arguments: list[str]) -> int:
     except click.ClickException as error:
         click.echo(f"dnc: {_usage_sentence(error)}", err=True)
         return int(ExitCode.USAGE)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+    except SystemExit:  # click leaves so when nobody reads our output any more
+        return 128 + signal.SIGPIPE
+    except OSError as error:
+        return _no_space(error) if error.errno in (errno.ENOSPC, errno.EDQUOT) else _internal_fault(error)
     except Exception as error:  # noqa: BLE001 (the rim: a fault of ours becomes one sentence and a file to report)
         return _internal_fault(error)
     return result if isinstance(result, int) else 0
@@ -90,6 +94,15 @@ def _usage_sentence(error: click.ClickException) -> str:
     context = error.ctx if isinstance(error, click.UsageError) else None
     joint = " " if what.endswith("?") else "; "
     return f"{what[:1].lower()}{what[1:]}{joint}see {context.command_path if context else 'dnc'} --help"
+
+
+def _no_space(error: OSError) -> int:
+    """The disk behind stdout, or behind a file of ours, is full."""
+    with contextlib.suppress(OSError, ValueError):  # what is still to be written must not fail again at the very end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    what = error.filename or "the output"
+    click.echo(f"dnc: {what} cannot be written: {error.strerror}; free some space and run it again", err=True)
+    return int(ExitCode.REJECTED)
 
 
 def _internal_fault(error: Exception) -> int:

@@ -22,20 +22,15 @@ def command(points: Path, job: Path, report: Path | None, as_json: bool) -> int:
     """
     import json
 
-    from dnc.errors import InputRejected
+    from planner.files import check_outputs, write_file
     from sim.measuring import compared, load_points
     from sim.nominal import load_nominal
 
+    check_outputs([report], [points, job])
     made = compared(load_points(points), load_nominal(job)).report()
     text = json.dumps(made, indent=1)
     if report is not None:
-        unfinished = report.with_name(report.name + ".tmp")
-        try:
-            unfinished.write_text(text + "\n")
-            unfinished.replace(report)
-        except OSError as problem:
-            what = f"cannot be written: {problem.strerror}"
-            raise InputRejected(what, path=report, remedy="name another file") from None
+        write_file(report, f"{text}\n".encode())
     if as_json:
         click.echo(text)
         return 0

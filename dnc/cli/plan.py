@@ -47,17 +47,15 @@ def command(
     """
     import json
 
-    from dnc.planning import check_outputs, limits_of, line_of, machining_clock, travel_of, write_file
+    from dnc.planning import limits_of, line_of, machining_clock, travel_of
     from dnc.profile import load_profile, profile_path
+    from planner.files import check_outputs, write_file
     from planner.job import load_job
     from planner.plan import plan_job
 
     sidecar = output.with_name(output.name + ".json")
     asked = load_job(job)
-    check_outputs(
-        [output, sidecar, *(path for path in (report, plot, sheet) if path is not None)],
-        [job, job.parent / asked.part.surface],
-    )
+    check_outputs([output, sidecar, report, plot, sheet], [job, job.parent / asked.part.surface])
     profile_file = profile_path(machine)
     profile = load_profile(profile_file)
     if knot_test:

@@ -44,10 +44,10 @@ def command(
     import dataclasses
 
     from dnc.errors import LineFault
-    from dnc.planning import made_folder
     from dnc.punch_in import PunchIn
     from dnc.receiving import Stored, receive
     from dnc.sending import link_with, machine_profile, open_port
+    from planner.files import made_folder
 
     link = link_with(machine_profile(machine).link, {"baud": baud, "format": form})
     opened = open_port(port, link)

@@ -47,8 +47,8 @@ def command(
     import json
 
     from dnc.errors import ExitCode, InputRejected
-    from dnc.planning import check_outputs, read_program, write_file
     from dnc.profile import profile_path
+    from planner.files import check_outputs, read_program, write_file
     from planner.job import load_job
     from sim.mill import rehearse
     from sim.nominal import load_nominal
@@ -56,8 +56,7 @@ def command(
 
     if job is None and (plot or deviation_map or view):
         raise InputRejected("--plot, --map and --view need the design", remedy="name the job file with --job")
-    outputs = (motion, report, plot, deviation_map, view)
-    check_outputs([path for path in outputs if path is not None], [program, *([] if job is None else [job])])
+    check_outputs([motion, report, plot, deviation_map, view], [program, job])
     if plot is not None:
         from sim.plot import require_drawing
 

@@ -29,10 +29,10 @@ def command(
 ) -> int:
     """Cut PROGRAM where the tool stands clear; each part restores tool, spindle, frames and modes, and ends itself."""
     from dnc.control_side import settings_of
-    from dnc.planning import made_folder, read_program, write_file
     from dnc.preamble import Heights
     from dnc.profile import load_profile, profile_path
     from dnc.split import split_program
+    from planner.files import made_folder, read_program, write_file
     from planner.job import load_job
 
     profile = load_profile(profile_path(machine))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -141,6 +144,56 @@ def test_a_broken_profile_hides_no_other(own_machines: Path, capsys: pytest.Capt
     assert "sinumerik-840d" in said.out
     assert said.err.startswith(f"dnc: {own_machines}/worn.toml:1:")
     assert said.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "lost"),
+    [
+        (["send", "part.mpf", "--dry-run", "--report", "part.mpf"], "part.mpf"),
+        (["send", "part.mpf", "--dry-run", "--report", "part.mpf.json"], "part.mpf.json"),
+        (["send", "part.mpf", "--dry-run", "--job", "job.toml", "--report", "job.toml"], "job.toml"),
+        (["send", "part.mpf", "--dry-run", "--report", "/dev/null"], "/dev/null"),
+        (["measure", "points.csv", "--job", "job.toml", "--report", "points.csv"], "points.csv"),
+        (["mill", "--nominal", "job.toml", "--report", "job.toml"], "job.toml"),
+    ],
+    ids=" ".join,
+)
+def test_a_report_takes_nothing_away(
+    words: list[str], lost: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(2.7) `send --report part.mpf` put the report in the program's place, and a device's."""
+    monkeypatch.chdir(tmp_path)
+    thesis = shipped_path("jobs", "thesis")
+    job = thesis.read_text().replace("../surfaces", str(thesis.parents[1] / "surfaces"))
+    for name, text in {"part.mpf": "M30\n", "part.mpf.json": "{}", "points.csv": "x_mm", "job.toml": job}.items():
+        Path(name).write_text(text)
+    before = Path(lost).read_bytes()
+    assert main.run_with(words) == ExitCode.REJECTED
+    assert capsys.readouterr().err.startswith(f"dnc: {lost}: is ")
+    assert Path(lost).read_bytes() == before
+
+
+def test_nobody_reads_the_output_any_more() -> None:
+    """(2.7) `dnc machines | head -1`: ended as by the signal that other programs die of, without a word."""
+    child = subprocess.Popen([sys.executable, "-m", "dnc", "machines"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert child.stdout is not None
+    assert child.stderr is not None
+    child.stdout.close()
+    assert child.stderr.read() == b""
+    assert child.wait() == 128 + signal.SIGPIPE
+    child.stderr.close()
+
+
+def test_a_full_disk_behind_the_output_is_a_sentence() -> None:
+    """(2.7) `dnc machines > file` on a full disk."""
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "dnc", "machines"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == ExitCode.REJECTED
+    assert done.stderr == (
+        "dnc: the output cannot be written: No space left on device; free some space and run it again\n"
+    )
 
 
 @pytest.mark.parametrize(

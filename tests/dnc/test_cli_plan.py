@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from dnc.cli.main import run_with
-from dnc.planning import write_file
 from planner.errors import ExitCode, InputRejected
+from planner.files import write_file
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

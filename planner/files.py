@@ -1,0 +1,89 @@
+"""Files that commands read and leave: refused before the work where they cannot be, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from planner.errors import InputRejected
+
+
+def made_folder(path: Path) -> Path:
+    """The folder to write into, made if only its last part is missing; raises InputRejected where that fails."""
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as problem:
+        what = "is no folder" if path.exists() else f"cannot be made: {problem.strerror}"
+        raise InputRejected(what, path=path, remedy="name a folder, or make it first") from None
+    return path
+
+
+def read_program(path: Path) -> bytes:
+    """The bytes of a program, every one of them; raises InputRejected where there is none."""
+    if not path.is_file():
+        what = "is a directory" if path.is_dir() else "is not a regular file" if path.exists() else "is not there"
+        raise InputRejected(what, path=path, remedy="name a program file")
+    try:
+        data = path.read_bytes()
+    except OSError as problem:
+        raise InputRejected(f"cannot be read: {problem.strerror}", path=path, remedy="check the rights") from None
+    if not data.strip():
+        raise InputRejected("is empty", path=path, remedy="name a program file")
+    return data
+
+
+def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None] = ()) -> None:
+    """Raises InputRejected where a file to be written is read too, is written twice, or cannot come to be.
+
+    None stands for a file that was not asked for.
+    """
+    read, written = {path.resolve() for path in inputs if path is not None}, set[Path]()
+    for path in (each for each in outputs if each is not None):
+        if path.resolve() in read:
+            raise InputRejected("is read by this command and would be lost", path=path, remedy="name another file")
+        if not path.absolute().parent.is_dir():
+            raise InputRejected(
+                "its folder does not exist", path=path, remedy="create the folder, or name another file"
+            )
+        _refuse_what_is_no_file(path)
+        if path.resolve() in written:
+            raise InputRejected("would be written twice", path=path, remedy="give every output a name of its own")
+        written.add(path.resolve())
+
+
+def write_file(path: Path, data: bytes) -> None:
+    """Write a whole file or nothing; raises InputRejected, and never takes the place of a device."""
+    write_with(path, lambda part: part.write_bytes(data))
+
+
+def write_with(path: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` fill a file of a temporary name beside this one, then give it this name."""
+    _refuse_what_is_no_file(path)
+    part = part_of(path)
+    try:
+        write(part)
+        part.replace(path)
+    except OSError as problem:
+        raise unwritable(path, problem) from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def part_of(path: Path) -> Path:
+    """The hidden name under which a file grows."""
+    return path.with_name(f".{path.name}.{os.getpid()}.part")
+
+
+def unwritable(path: Path, problem: OSError) -> InputRejected:
+    """The sentence for a file that the system does not let us write."""
+    return InputRejected(f"cannot be written: {problem.strerror}", path=path, remedy="check folder, rights and space")
+
+
+def _refuse_what_is_no_file(path: Path) -> None:
+    if path.is_dir():
+        raise InputRejected("is a directory", path=path, remedy="name a file to write")
+    if path.exists() and not path.is_file():
+        raise InputRejected("is not a regular file", path=path, remedy="name a file to write")
+    if not os.access(path.absolute().parent, os.W_OK | os.X_OK):
+        raise InputRejected("its folder may not be written to", path=path, remedy="check the rights of the folder")
