@@ -39,7 +39,11 @@ class ModalGroup(IntEnum):
     DIAMETER = 29
     COMPRESSOR = 30
     FEED_PROFILE = 37
+    PRECISION = 39
     LANGUAGE = 47
+    RAPID_PATH = 55
+    CORNER_FEED = 57
+    DYNAMICS = 59
 
 
 _MEMBERS: dict[ModalGroup, str] = {
@@ -68,9 +72,13 @@ _MEMBERS: dict[ModalGroup, str] = {
     ModalGroup.FEED_FORWARD: "FFWOF FFWON",
     ModalGroup.WORKING_AREA: "WALIMON WALIMOF",
     ModalGroup.DIAMETER: "DIAMOF DIAMON DIAM90",
-    ModalGroup.COMPRESSOR: "COMPOF COMPON COMPCURV COMPCAD",
+    ModalGroup.COMPRESSOR: "COMPOF COMPON COMPCURV COMPCAD COMPSURF",
     ModalGroup.FEED_PROFILE: "FNORM FLIN FCUB",
+    ModalGroup.PRECISION: "CPRECOF CPRECON",
     ModalGroup.LANGUAGE: "G290 G291",
+    ModalGroup.RAPID_PATH: "RTLION RTLIOF",
+    ModalGroup.CORNER_FEED: "FENDNORM G62 G621",
+    ModalGroup.DYNAMICS: "DYNNORM DYNPOS DYNROUGH DYNSEMIFIN DYNFINISH",
 }
 
 GROUP_OF: MappingProxyType[str, ModalGroup] = MappingProxyType(

@@ -107,7 +107,9 @@ class TokenReader:
         """The word that starts here."""
         start = self.token
         if start.kind != "name":
-            raise self.problem(f"{self.shown()} starts no word", "an address, a name or ;")
+            raise self._no_word()
+        if start.text == "O" and self._follows_number():
+            raise self.problem("the letter O stands in a number", "the digit 0")
         self.take()
         if len(start.text) == 1:
             number = self._plain_number(start)
@@ -117,6 +119,17 @@ class TokenReader:
         if len(address) == 1 and self.token.kind == "number" and self.token.is_adjacent:
             address += self.take().text
         return self._named_word(address, start)
+
+    def _no_word(self) -> SyntaxProblem:
+        """What stands under the cursor starts no word; behind a number it is mostly a slip of the keys."""
+        if self.is_at(",") and self._follows_number():
+            return self.problem("a comma stands in a number", "a point, such as X10.5")
+        if self.token.text.startswith(".") and self._follows_number():
+            return self.problem("a number has two points", "one")
+        return self.problem(f"{self.shown()} starts no word", "an address, a name or ;")
+
+    def _follows_number(self) -> bool:
+        return self._at > 0 and self._tokens[self._at - 1].kind == "number" and self.token.is_adjacent
 
     def _named_word(self, address: str, start: Token) -> Word:
         index = self.indices() if self.accept("[") else None

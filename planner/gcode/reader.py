@@ -109,6 +109,8 @@ def _plain_block(text: str, line: int) -> Block | None:
             if place or not digits.isdigit():
                 return None
             number = int(digits)
+        elif letter in "Oo":
+            return None
         else:
             words.append(Word(letter.upper(), float(digits), digits, None, None, match.start(1) + 1))
         place = match.end()

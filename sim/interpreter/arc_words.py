@@ -117,4 +117,8 @@ def _centre(start: Vector, factor: float, request: Request, state: State) -> Vec
         if coordinate is not None:
             base = 0.0 if coordinate.is_absolute else start[index]
             values[index] = base + coordinate.value * factor
+    for index, coordinate in request.centres.items():
+        first, second = ("IJK"[one] for one in plane[:2])
+        text = f"{'IJK'[index]} is not of the working plane {state.plane}; {first} and {second} are expected"
+        raise ControlAlarm(AlarmNumber.CIRCLE, text, coordinate.column)
     return (values[0], values[1], values[2])

@@ -26,10 +26,14 @@ class Command(msgspec.Struct, frozen=True, gc=False):
 
 
 class Rapid(Command, frozen=True, gc=False):
-    """Move all axes to `end` as fast as they go; the path between is not defined (it may dog-leg)."""
+    """Move all axes to `end` as fast as they go; the path between is not defined (it may dog-leg).
+
+    `is_machine`: the program gave the end in the machine's coordinates, so that it says nothing about the part.
+    """
 
     start: Vector
     end: Vector
+    is_machine: bool = False
 
 
 class Line(Command, frozen=True, gc=False):

@@ -250,7 +250,7 @@ def _straight(motion: Motion, start: Vector, end: Vector) -> list[Motion]:
     if norm(subtract(end, start)) < SHORTEST_MM:
         return []
     if isinstance(motion, Rapid):
-        return [Rapid(motion.line, motion.block, start, end)]
+        return [replace(motion, start=start, end=end)]
     return [Line(motion.line, motion.block, start, end, motion.feed_mm_min)]
 
 

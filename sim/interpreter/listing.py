@@ -16,7 +16,7 @@ def listed(command: Command, decimals: int = 6) -> str:
     '3 N10 Line (0 0 0) (1.5 0 2) 250'
     """
     number = "-" if command.block is None else f"N{command.block}"
-    names = [name for name in command.__struct_fields__ if name not in ("line", "block")]
+    names = [name for name in command.__struct_fields__ if name not in ("line", "block", "is_machine")]
     values = " ".join(_shown(getattr(command, name), decimals) for name in names)
     return f"{command.line} {number} {type(command).__name__} {values}".rstrip()
 

@@ -86,11 +86,12 @@ class Mover:
         if request.code(ModalGroup.EXACT_STOP_ONCE) is not None:
             self._outlet.put(canon.ExactStopOnce(request.block.line, request.block.number))
 
-    def _rapid(self, target: Target, request: Request) -> None:
-        state = self._state
+    def _rapid(self, target: Target, request: Request, *, is_machine: bool = False) -> None:
+        state, block = self._state, request.block
         request.polynomials.clear()
         if target.canonical != state.position_mm:
-            self.path.give(canon.Rapid(request.block.line, request.block.number, state.position_mm, target.canonical))
+            is_machine = is_machine or request.code(ModalGroup.SUPPRESSION) is not None
+            self.path.give(canon.Rapid(block.line, block.number, state.position_mm, target.canonical, is_machine))
 
     def _straight(self, target: Target, request: Request) -> None:
         state = self._state
@@ -134,4 +135,4 @@ class Mover:
     def _to_machine_place(self, place: Vector, axes: set[int], request: Request) -> None:
         mapping = mapping_of(self._state, self._settings, is_suppressed=True)
         end, canonical = mapping.moved_to(self._state.position_mm, {axis: place[axis] for axis in axes})
-        self._rapid(Target(mapping, end, end, canonical), request)
+        self._rapid(Target(mapping, end, end, canonical), request, is_machine=True)

@@ -61,6 +61,10 @@ class Variables:
         if number is not None:
             self.r[number] = as_number(value)
             return
+        if name == "R":
+            shown = f"{as_number(value):g}"
+            text = f"R{shown} sets nothing; R{shown}= is a parameter and CR={shown} the radius of an arc"
+            raise ControlAlarm(AlarmNumber.NAME_UNKNOWN, text)
         cell = self._cell(name)
         cell.values[_place(cell, name, indices)] = converted(value, cell.type_name)
 

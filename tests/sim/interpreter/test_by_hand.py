@@ -135,7 +135,7 @@ def test_numbers_that_differ_by_rounding_compare_equal(text: str, x_mm: float) -
         ("G28 X5 TRANS", "G28 and TRANS stand in one block"),
         ("F100\nG3 X10 AR=-90", "AR needs an angle above 0"),
         ("F100\nG3 X10 AR=360", "AR needs an angle above 0"),
-        ("F100\nG18 G2 X10 I5 J1", "J has no meaning"),
+        ("F100\nG18 G2 X10 I5 J1", "J is not of the working plane G18"),
     ],
 )
 def test_refused(text: str, words: str) -> None:
