@@ -25,6 +25,11 @@ class Limits:
     tool_radii_mm: Mapping[int, float] = field(default_factory=dict)
     touch_mm: float = 1e-6
 
+    @property
+    def usual_feeds_mm_min(self) -> tuple[float, float]:
+        """The slowest cut and the speed of the fastest axis; a feed outside is a mistake."""
+        return 1.0, max(axis.rapid_mm_min for axis in self.profile.axes.values())
+
 
 def limits_of(profile: MachineProfile, job: Job | None) -> Limits:
     """The limits of a machine, with those of the job where there is one."""

@@ -46,7 +46,7 @@ ALARM_IDS = {
 
 def rapid_z_and_xy(command: canon.Command, track: Track) -> Iterator[Finding]:
     """A rapid that moves Z together with X or Y."""
-    if not isinstance(command, canon.Rapid) or not track.is_position_known:
+    if not isinstance(command, canon.Rapid) or command.is_machine or not track.is_height_known:
         return
     if moves.moves_xy(command) and command.start[2] != command.end[2]:
         yield Finding(
@@ -61,19 +61,23 @@ def rapid_z_and_xy(command: canon.Command, track: Track) -> Iterator[Finding]:
 
 
 def rapid_below(command: canon.Command, track: Track) -> Iterator[Finding]:
-    """A rapid that ends below the clearance, or below the height at which the program traverses."""
-    if not isinstance(command, canon.Rapid) or not track.is_position_known:
+    """A rapid that ends below the clearance, or no higher than the program cuts, but for a hole just made."""
+    if not isinstance(command, canon.Rapid) or command.is_machine or not track.is_height_known:
         return
     low_mm = min(command.start[2], command.end[2]) if moves.moves_xy(command) else command.end[2]
     given = track.limits.clearance_z_mm
-    limit_mm, what = (track.cut_top_mm, "the highest cut") if given is None else (given, "the clearance")
-    if low_mm < limit_mm - track.limits.touch_mm and not moves.is_retract(command):
+    if given is not None:
+        is_low, where = low_mm < given - track.limits.touch_mm, f"below the clearance at Z {given:g}"
+    else:
+        is_low = low_mm <= track.cut_top_mm + track.limits.touch_mm and not moves.is_into_hole(command, track.hole)
+        where = f"no higher than the highest cut at Z {track.cut_top_mm:g}"
+    if is_low and not moves.is_retract(command):
         yield Finding(
             "rapid-below-clearance",
             Severity.ERROR,
             command.line,
             1,
-            f"the rapid runs at Z {low_mm:g}, below {what} at Z {limit_mm:g}",
+            f"the rapid runs at Z {low_mm:g}, {where}",
             "at rapid speed nothing stops in time",
             "retract first; go down with G1 and a plunge feed",
         )
@@ -82,7 +86,7 @@ def rapid_below(command: canon.Command, track: Track) -> Iterator[Finding]:
 def rapid_through_stock(command: canon.Command, track: Track) -> Iterator[Finding]:
     """A rapid whose axis box meets the stock: the way between its ends is not a straight line."""
     box = track.limits.stock_box_mm
-    if box is None or not isinstance(command, canon.Rapid) or not track.is_position_known:
+    if box is None or not isinstance(command, canon.Rapid) or command.is_machine or not track.is_height_known:
         return
     if moves.is_retract(command):
         return
@@ -100,9 +104,11 @@ def rapid_through_stock(command: canon.Command, track: Track) -> Iterator[Findin
         )
 
 
-def without_spindle_or_tool(command: canon.Command, track: Track) -> Iterator[Finding]:
-    """Cutting with a spindle that stands, or with no tool called."""
+def unready(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """Cutting with a spindle that stands, with no tool called, or in the machine's own coordinates."""
     if not isinstance(command, _FEEDS) or track.cut_mm + track.air_mm > 0.0:
+        return
+    if track.is_readiness_lost or track.is_subprogram:
         return
     if track.spindle_rpm == 0.0:
         yield Finding(
@@ -114,16 +120,48 @@ def without_spindle_or_tool(command: canon.Command, track: Track) -> Iterator[Fi
             "the tool breaks in the material",
             "write S and M3 before it",
         )
-    if track.tool is None:
+    if not track.tool:
+        what = "before any tool was called" if track.tool is None else "after M6 with T0, an empty spindle"
         yield Finding(
             "no-tool",
             Severity.WARNING,
             command.line,
             1,
-            "the first feed move comes before any tool was called",
+            f"the first feed move comes {what}",
             "what is in the spindle cuts, with whatever length is active",
             "write T, M6 and D before it",
         )
+    if not track.has_offset:
+        yield Finding(
+            "no-offset",
+            Severity.WARNING,
+            command.line,
+            1,
+            "the first feed move comes before any work offset was named",
+            "the control takes the one it has after reset, perhaps the machine's zero",
+            "write G54 or the offset of the setup before it",
+        )
+
+
+def odd_feed(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """A feed that no cut has: slower than a millimetre a minute, or faster than every axis; once for each value."""
+    if not isinstance(command, _FEEDS) or command.feed_mm_min == track.told_feed_mm_min:
+        return
+    track.told_feed_mm_min = None
+    slowest, fastest = track.limits.usual_feeds_mm_min
+    if slowest <= command.feed_mm_min <= fastest:
+        return
+    track.told_feed_mm_min = command.feed_mm_min
+    is_slow = command.feed_mm_min < slowest
+    yield Finding(
+        "odd-feed",
+        Severity.WARNING,
+        command.line,
+        1,
+        f"the feed is {command.feed_mm_min:g} mm/min",
+        "it may be meant for each turn" if is_slow else f"no axis is faster than {fastest:g} mm/min",
+        "write G95 before a feed for each turn, or mend F" if is_slow else "look for a point that was lost in F",
+    )
 
 
 def no_dwell(command: canon.Command, track: Track) -> Iterator[Finding]:
@@ -131,11 +169,11 @@ def no_dwell(command: canon.Command, track: Track) -> Iterator[Finding]:
     if isinstance(command, _FEEDS) and track.spindle_line is not None and track.spindle_rpm:
         yield Finding(
             "no-spindle-dwell",
-            Severity.WARNING,
+            Severity.NOTE,
             track.spindle_line,
             1,
             f"no dwell between the spindle start and the first feed move in line {command.line}",
-            "the spindle may not have its speed when the tool meets the material",
+            "a control that does not wait for the speed by itself meets the material with a slow spindle",
             "write G4 F2 after M3",
         )
 
@@ -193,7 +231,7 @@ def steep_plunge(command: canon.Command, track: Track) -> Iterator[Finding]:
         )
 
 
-_FEED_RULES: tuple[CommandRule, ...] = (without_spindle_or_tool, no_dwell, reversal, axis_limit, steep_plunge)
+_FEED_RULES: tuple[CommandRule, ...] = (unready, no_dwell, odd_feed, reversal, axis_limit, steep_plunge)
 COMMAND_RULES: dict[type[canon.Command], tuple[CommandRule, ...]] = {
     canon.Alarm: (alarm,),
     canon.Rapid: (rapid_z_and_xy, rapid_below, rapid_through_stock, axis_limit),

@@ -8,8 +8,8 @@ from itertools import pairwise
 from sim.interpreter import canon
 from sim.interpreter.moves import curve_point
 
-TURN_COSINE = 0.866
-"""Cosine of 30 degrees: a move that turns by more than 150 degrees runs back."""
+TURN_COSINE = 0.985
+"""Cosine of 10 degrees: a move that turns by more than 170 degrees runs back; the strokes of an N or W do not."""
 TURN_FLAT = 0.1
 """Two moves are compared where their unit directions, seen from above, multiply to more than this."""
 
@@ -29,6 +29,11 @@ def is_retract(move: canon.Motion) -> bool:
     return not moves_xy(move) and move.end[2] > move.start[2]
 
 
+def is_into_hole(move: canon.Motion, hole: canon.Vector | None) -> bool:
+    """Whether the move goes straight down, no deeper than the bottom of the hole at its place."""
+    return hole is not None and not moves_xy(move) and move.end[:2] == hole[:2] and move.end[2] >= hole[2]
+
+
 def is_air(move: canon.Motion, clear_z_mm: float) -> bool:
     """Whether a feed move touches the clear height: above it, down from it or up to it."""
     return max(move.start[2], move.end[2]) >= clear_z_mm and (
@@ -37,7 +42,7 @@ def is_air(move: canon.Motion, clear_z_mm: float) -> bool:
 
 
 def turns_back(before: canon.Vector | None, move: canon.Motion) -> bool:
-    """Whether the move sets out against the direction before it, by more than 150 degrees seen from above."""
+    """Whether the move sets out against the direction before it, by more than 170 degrees seen from above."""
     if before is None:
         return False
     ahead = start_direction(move)

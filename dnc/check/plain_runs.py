@@ -64,6 +64,7 @@ def doubtful(
     has_moved = (ends != before).any(axis=1)
     found: NDArray[np.bool_] = ~has_moved & ~np.isnan(values[:, 2:5]).all(axis=1)
     found |= _bad_numbers(values[:, 0], track)
+    found |= _odd_feeds(values[:, 5], track)
     for axis, name in enumerate(("X", "Y", "Z")):
         travel = track.limits.profile.axes[name]  # type: ignore[index]
         found |= (ends[:, axis] < travel.min_mm) | (ends[:, axis] > travel.max_mm)
@@ -93,6 +94,17 @@ def _bad_numbers(numbers: NDArray[np.float64], track: Track) -> NDArray[np.bool_
         again = np.ones(len(here), dtype=np.bool_)
         again[firsts] = False
         found[rows[again]] = True
+    return found
+
+
+def _odd_feeds(feeds: NDArray[np.float64], track: Track) -> NDArray[np.bool_]:
+    """Blocks whose F is odd, and the first F behind one that was."""
+    found = np.zeros(len(feeds), dtype=np.bool_)
+    rows = np.flatnonzero(~np.isnan(feeds))
+    if len(rows):
+        slowest, fastest = track.limits.usual_feeds_mm_min
+        is_odd = (feeds[rows] < slowest) | (feeds[rows] > fastest)
+        found[rows] = is_odd | np.concatenate([[track.told_feed_mm_min is not None], is_odd[:-1]])
     return found
 
 
@@ -146,7 +158,12 @@ def see_run(run: LineRun, track: Track) -> None:
         track.air_line = track.air_line or int(run.lines[is_air.argmax()])
     if not is_air.all():
         track.cut_mm += float(lengths[~is_air].sum())
-        track.cut_top_mm = max(track.cut_top_mm, float(high[~is_air].max()))
+        tops = np.where(moves_xy, high, starts[:, 2])
+        track.cut_top_mm = max(track.cut_top_mm, float(tops[~is_air].max()))
+    plunges = np.flatnonzero(~moves_xy & (run.ends[:, 2] < starts[:, 2]) & (run.ends[:, 2] < track.clear_z_mm))
+    if len(plunges):
+        track.hole = run.cut(int(plunges[-1])).end
+        track.cut_top_mm = max(track.cut_top_mm, float(run.ends[plunges, 2].max()))
     track.is_backward = False
     last = run.last
     track.plunge = last if moves.is_plunge(last) else None

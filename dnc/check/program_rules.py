@@ -72,7 +72,7 @@ def stray_percent(track: Track) -> Iterator[Finding]:
 
 def feed_in_air(track: Track) -> Iterator[Finding]:
     """Feed moves at or above the height that rapids use."""
-    if track.air_line is not None and track.idle_moves and track.air_mm > 0.05 * max(track.cut_mm, 1.0):
+    if track.air_line is not None and track.idle_moves and 0.0 < 0.05 * track.cut_mm < track.air_mm:
         yield Finding(
             "feed-in-air",
             Severity.NOTE,

@@ -47,6 +47,7 @@ _NUMBER = rb"-?(?:\d+\.?\d*|\.\d+)"
 _WORDS = rb"(?:[XYZF]%b|PO\[[XYZ]\]=\((?:%b,)*%b\)) ?" % (_NUMBER, _NUMBER, _NUMBER)
 _PLAIN = re.compile(rb"(?:N(\d{1,8}) ?)?(?:G0?([01]) ?(?:G9 ?)?|(POLY) )?(?:%b)+(PL=%b ?)?" % (_WORDS, _NUMBER))
 _POINT = re.compile(rb"[XYZ][-.\d]")
+_READYING = frozenset({"M", "M1", "S", "S1", "T"})
 _MOST_ALARMS = 100
 _MOST_SIZES = 10_000
 _CHUNK_BYTES = 1 << 18
@@ -66,6 +67,7 @@ class Check:
         self._interpreter: Interpreter | None = Interpreter(self._settings)
         self._windows = (RateWindow(1.0), RateWindow(1.2))
         self._errors_here = False
+        self._readies_here = False
         self._alarms = 0
         self._sizes: deque[tuple[int, int]] = deque()
 
@@ -81,7 +83,9 @@ class Check:
             if stamp is not None:
                 self._add(wrong_stamp(stamp, number, self.limits), number, None)
         body = raw.rstrip(b"\r\n").removeprefix(UTF8_MARK)
-        block = None if self._plain(body, number) else self._block(body, number)
+        is_plain = self._plain(body, number)
+        block = None if is_plain else self._block(body, number)
+        self._readies_here = not is_plain and (block is None or any(word.address in _READYING for word in block.words))
         if self._interpreter is None:
             return
         self._note_size(number, len(raw))
@@ -174,6 +178,8 @@ class Check:
         code = f"G{found[2].decode()}" if found[2] else "POLY" if found[3] else None
         if self.track.motion_code == "BSPLINE" and (code is not None or _POINT.search(body) is None):
             return False  # a code ends the spline, and a feed alone is no point of it
+        if self.track.motion_code == "G0" and code is None and b"F" in body:
+            return False  # a G1 may have been lost
         number = int(found[1]) if found[1] else None
         if number is not None:
             block = Block(line, number)
@@ -214,6 +220,7 @@ class Check:
     def _carry_on(self, alarm: canon.Alarm) -> None:
         assert self._interpreter is not None
         self._alarms += 1
+        self.track.forget(is_readiness_lost=self._readies_here)
         if self._alarms == _MOST_ALARMS:
             self._interpreter = None
         else:
@@ -282,6 +289,7 @@ def check_program(path: Path, limits: Limits, progress: Progress | None = None, 
         )
     settings = settings_of(limits.profile, tool_radii_mm=limits.tool_radii_mm, subprogram_folder=path.parent)
     check = Check(limits, settings, watch)
+    check.track.is_subprogram = path.suffix.lower() == ".spf"
     line, done_bytes = 1, 0
     for chunk in chunks_of(path):
         if line == 1 and chunk.startswith(UTF16_MARKS):

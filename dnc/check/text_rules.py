@@ -18,6 +18,7 @@ LineRule = Callable[[bytes, int, Limits], Iterator[Finding]]
 UTF8_MARK = b"\xef\xbb\xbf"
 UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _MARKS = {UTF8_MARK: "a UTF-8 byte order mark", **dict.fromkeys(UTF16_MARKS, "UTF-16 text")}
+_HEIDENHAIN = re.compile(rb"\s*(?:0\s+)?BEGIN PGM\b", re.IGNORECASE)
 _CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _CONTROL_NAMES = {
     0x00: "NUL",
@@ -79,6 +80,36 @@ def foreign_character(raw: bytes, line: int, limits: Limits) -> Iterator[Finding
         )
 
 
+def bare_return(raw: bytes, line: int, limits: Limits) -> Iterator[Finding]:
+    """CR without LF: the control, which ends blocks by LF, reads on."""
+    del limits
+    column = raw.rstrip(b"\r\n").find(b"\r") + 1
+    if column:
+        yield Finding(
+            "line-end",
+            Severity.ERROR,
+            line,
+            column,
+            "a CR stands without LF",
+            "the control ends blocks by LF and takes this one and the next for one",
+            "save the program with line ends LF or CR LF",
+        )
+
+
+def other_control(raw: bytes, line: int, limits: Limits) -> Iterator[Finding]:
+    """A conversational HEIDENHAIN program, told by its head."""
+    if limits.profile.control.dialect == "sinumerik" and _HEIDENHAIN.match(raw):
+        yield Finding(
+            "wrong-dialect",
+            Severity.ERROR,
+            line,
+            1,
+            "the program is written for a HEIDENHAIN",
+            "a SINUMERIK reads none of its blocks",
+            "write it anew for this control",
+        )
+
+
 def long_line(raw: bytes, line: int, limits: Limits) -> Iterator[Finding]:
     """Blocks longer than the control reads."""
     most = DIALECTS[limits.profile.control.dialect].max_block_characters
@@ -99,7 +130,8 @@ def is_clean(raw: bytes, line: int, limits: Limits) -> bool:
     """Whether no rule of this file can find anything, told quickly."""
     control, name = limits.profile.control, limits.profile.tape.character_set
     most = DIALECTS[control.dialect].max_block_characters
-    return line > 1 and len(raw) < most and not raw.translate(None, CHARACTER_SETS[name])
+    is_one_line = raw.find(b"\r", 0, -2) < 0
+    return line > 1 and is_one_line and len(raw) < most and not raw.translate(None, CHARACTER_SETS[name])
 
 
 def allowed_lines(text: bytes, starts: NDArray[np.int64], limits: Limits) -> NDArray[np.bool_]:
@@ -114,4 +146,11 @@ def allowed_lines(text: bytes, starts: NDArray[np.int64], limits: Limits) -> NDA
     return found
 
 
-LINE_RULES: tuple[LineRule, ...] = (encoding_mark, control_byte, foreign_character, long_line)
+LINE_RULES: tuple[LineRule, ...] = (
+    encoding_mark,
+    control_byte,
+    foreign_character,
+    bare_return,
+    long_line,
+    other_control,
+)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from dnc.check.limits import Limits
-from dnc.check.moves import end_direction, is_air, is_plunge, length, turns_back
+from dnc.check.moves import end_direction, is_air, is_plunge, is_retract, length, turns_back
 from dnc.check.numbering import NumberSet, starts_over
 from planner.gcode import GROUP_OF, Block, ModalGroup, code_of, header_name
 from sim.interpreter import canon
@@ -28,9 +28,11 @@ class SplineRun:
 class Track:
     """State before the current block or command.
 
-    `clear_z_mm` is the lowest height that a rapid reached: taken to be above the part. `cut_top_mm` is the highest
-    point cut below it. `length_mm` is that of the last feed move, `direction` the unit direction at its end, None after
-    a rapid or a stop. `air_mm` and `cut_mm` add up feed moves.
+    `is_height_known`: the program has said where Z is, in work coordinates. `is_readiness_lost`: a block was refused
+    that would have set tool or spindle. `clear_z_mm` is the lowest height that a rapid reached: taken to be above
+    the part. `cut_top_mm` is the highest point cut below it, `hole` the bottom of the last plunge straight down.
+    `told_feed_mm_min` is the last feed that was found odd. `length_mm` is that of the last feed move, `direction` the
+    unit direction at its end, None after a rapid or a stop. `air_mm` and `cut_mm` add up feed moves.
     """
 
     limits: Limits
@@ -45,12 +47,17 @@ class Track:
     after_end_line: int | None = None
     has_moved: bool = False
     is_inch: bool = False
-    is_position_known: bool = False
+    is_height_known: bool = False
+    is_readiness_lost: bool = False
+    is_subprogram: bool = False
+    has_offset: bool = False
     spindle_rpm: float = 0.0
     spindle_line: int | None = None
     tool: int | None = None
     clear_z_mm: float = math.inf
     cut_top_mm: float = -math.inf
+    hole: canon.Vector | None = None
+    told_feed_mm_min: float | None = None
     length_mm: float = 0.0
     direction: canon.Vector | None = None
     is_backward: bool = False
@@ -100,16 +107,19 @@ class Track:
             self.stray_percent_line = self.stray_percent_line or block.line
         elif not self.header_kind:
             self.header_kind = "header" if block.header is not None else "comment"
+            self.is_subprogram |= (header_name(block) or "").upper().endswith("_SPF")
 
-    def _see_units(self, block: Block) -> None:
+    def _see_modes(self, block: Block) -> None:
         for word in block.words:
             code = code_of(word)
-            if code is not None and GROUP_OF.get(code) is ModalGroup.UNITS:
+            group = GROUP_OF.get(code) if code is not None else None
+            if code is not None and group is ModalGroup.UNITS:
                 self.is_inch = is_inch(code)
+            self.has_offset |= group is ModalGroup.WORK_OFFSET
 
     def _see_splines(self, block: Block) -> None:
         self.motion_code = motion_code_of(block) or self.motion_code
-        self._see_units(block)
+        self._see_modes(block)
         if self.motion_code != "BSPLINE":
             self.spline = SplineRun(0, 0, 0)
         elif any(word.address in _AXES for word in block.words):
@@ -138,14 +148,23 @@ class Track:
             case _:
                 pass
 
+    def forget(self, *, is_readiness_lost: bool) -> None:
+        """A block was refused: where the tool would stand is not known, nor perhaps its tool and spindle."""
+        self.is_readiness_lost |= is_readiness_lost
+        self.is_height_known = False
+        self.direction, self.is_backward, self.plunge = None, False, None
+
     def _see_rapid(self, move: canon.Rapid) -> None:
         self.has_moved = True
-        self.clear_z_mm = min(self.clear_z_mm, move.end[2])
-        self.is_position_known = True
+        if move.end[2] != move.start[2]:
+            self.is_height_known = not move.is_machine
+        if self.is_height_known:
+            self.clear_z_mm = min(self.clear_z_mm, move.end[2])
         self.direction, self.is_backward, self.plunge = None, False, None
 
     def _see_feed(self, move: canon.Line | canon.Arc | canon.Polynomial) -> None:
         self.has_moved = True
+        is_start_known, self.is_height_known = self.is_height_known, True
         self.length_mm = length_mm = length(move)
         if is_air(move, self.clear_z_mm):
             self.air_mm += length_mm
@@ -154,9 +173,13 @@ class Track:
             self.air_line = self.air_line or move.line
         else:
             self.cut_mm += length_mm
-            self.cut_top_mm = max(self.cut_top_mm, move.start[2], move.end[2])
+            top_mm = move.start[2] if is_retract(move) else max(move.start[2], move.end[2])
+            self.cut_top_mm = max(self.cut_top_mm, top_mm)
         self.is_backward = not self.is_backward and turns_back(self.direction, move)
-        self.plunge = move if isinstance(move, canon.Line) and is_plunge(move) else None
+        self.plunge = move if isinstance(move, canon.Line) and is_plunge(move) and is_start_known else None
+        if self.plunge is not None and move.end[2] < self.clear_z_mm:
+            self.hole = move.end
+            self.cut_top_mm = max(self.cut_top_mm, move.end[2])
         if length_mm > 0.0:
             self.direction = end_direction(move)
         self.spindle_line = None

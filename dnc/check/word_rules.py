@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 
 from dnc.check.finding import Finding, Severity
@@ -18,9 +19,8 @@ _ISO_CODES = {
     "G92": "setting of the origin", "G98": "return level of cycles", "G99": "return level of cycles",
     "G6.2": "NURBS", "G5.1": "AI contour control", "G5.2": "NURBS", "G5.3": "end of NURBS", "G20": "inches",
     "G21": "millimetres",
-    **{f"G{number}": "a drilling cycle" for number in (73, 76, *range(80, 90))},
+    "G80": "end of drilling cycles", **{f"G{number}": "a drilling cycle" for number in (73, 76, *range(81, 90))},
 }  # fmt: skip
-_ISO_UNITS = {"G20": "G70", "G21": "G71"}
 _AXES = frozenset("XYZ")
 IDLE_CODES = frozenset({"G1", "G2", "G3"})
 _LOOPS = (Jump, While, For, Until, Case, RepeatSection)
@@ -95,7 +95,6 @@ def other_dialect(block: Block, track: Track) -> Iterator[Finding]:
     for word in block.words:
         code = _spelled(word)
         if code in _ISO_CODES:
-            instead = _ISO_UNITS.get(code, "")
             yield Finding(
                 "wrong-dialect",
                 Severity.ERROR,
@@ -103,7 +102,7 @@ def other_dialect(block: Block, track: Track) -> Iterator[Finding]:
                 word.column,
                 f"{code} ({_ISO_CODES[code]}) is a code of the ISO dialect",
                 "a SINUMERIK stops with an alarm, or does it only in ISO mode",
-                f"write {instead}" if instead else "write it in SINUMERIK's words" + _HINTS.get(code, ""),
+                _INSTEAD.get(code, "write it in SINUMERIK's words"),
             )
         elif word.address == "O" and word.number is not None:
             yield Finding(
@@ -117,17 +116,24 @@ def other_dialect(block: Block, track: Track) -> Iterator[Finding]:
             )
 
 
-_HINTS = {"G28": ", such as G0 SUPA Z.. D0 or G75"}
+_INSTEAD = {
+    "G20": "write G70", "G21": "write G71", "G28": "write it in SINUMERIK's words, such as G0 SUPA Z.. D0 or G75",
+    "G43": "leave it out: D1 behind M6 takes the length", "G49": "leave it out: D0 takes the length off",
+    "G80": "leave it out",
+}  # fmt: skip
+_ISO_COMMENT = re.compile(r"(?:^|[\s\d.])\((?=[^()]*\))")
 
 
 def iso_comment(text: str, line: int) -> Iterator[Finding]:
-    """A comment in round brackets, which the reader cannot read."""
-    if text.lstrip().startswith("("):
+    """A comment in round brackets, in a block that the reader could not read."""
+    code = text.partition(";")[0]
+    comment = None if "=" in code else _ISO_COMMENT.search(code)
+    if comment is not None:
         yield Finding(
             "wrong-dialect",
             Severity.ERROR,
             line,
-            text.index("(") + 1,
+            comment.end(),
             "a comment in brackets is of the ISO dialect",
             "a SINUMERIK stops with an alarm",
             "begin comments with ;",
@@ -149,6 +155,22 @@ def idle_words(block: Block, track: Track) -> Iterator[Finding]:
             "the move has no length",
             "the tool stands there already; a coordinate may be wrong",
             "delete the block, or mend it",
+        )
+
+
+def feed_in_rapid(block: Block, track: Track) -> Iterator[Finding]:
+    """F beside coordinates while rapids are in force and the block does not say so: a G1 may have been lost."""
+    words = {word.address: word for word in block.words}
+    is_rapid = track.motion_code == "G0" and motion_code_of(block) is None
+    if is_rapid and "F" in words and _AXES & words.keys():
+        yield Finding(
+            "feed-in-rapid",
+            Severity.WARNING,
+            block.line,
+            words["F"].column,
+            "the block gives a feed and moves in rapid",
+            "G0 is in force from before; a G1 may have been lost",
+            "write G1, or leave F out",
         )
 
 
@@ -257,6 +279,7 @@ BLOCK_RULES: tuple[BlockRule, ...] = (
     *NUMBER_RULES,
     other_dialect,
     empty_motion,
+    feed_in_rapid,
     unit_switch,
     jump_while_fed,
     spline_run,

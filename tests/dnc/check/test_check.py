@@ -66,7 +66,8 @@ def test_a_clean_program_has_no_findings() -> None:
         ("G1 X10 F250\nG1 X20 Q1\nX30\n", [("unknown-word", 2)]),
         ("G1 X10 F250\nX20 Y\n", [("syntax", 2)]),
         ("G1 X10 F250\nG2 X20 Y0 I4 J0\n", [("arc-open", 2)]),
-        ("G1 X10 F250\nG0 X20\n", []),
+        ("G1 X10 F250\nG0 X20\n", [("rapid-below-clearance", 2)]),
+        ("G1 X10 F250\nG1 Z3\nG0 X20\n", []),
         ("G1 X10 Z2 F250\nG0 X20 Z1.5\n", [("rapid-z-and-xy", 2), ("rapid-below-clearance", 2)]),
         ("G1 X10 F250\nG0 Z10\nG0 X20 Z12\n", [("rapid-z-and-xy", 3)]),
         ("G1 X10 F250\nG71\nG70\n", [("unit-switch", 3), ("axis-limit", 4)]),
@@ -87,6 +88,83 @@ def test_each_rule(middle: str, found: list[tuple[str, int]]) -> None:
     """(6.10)"""
     got = ids(middle)
     assert list(dict.fromkeys(got)) == list(dict.fromkeys(found))
+
+
+@pytest.mark.parametrize(
+    ("middle", "name", "words"),
+    [
+        ("G1 X1O F250\n", "syntax", "the letter O stands in a number"),
+        ("G1 X1 F250\nX2O.5\n", "syntax", "the letter O stands in a number"),
+        ("G1 X10,5 F250\n", "syntax", "a comma stands in a number"),
+        ("G1 X1.0.5 F250\n", "syntax", "a number has two points"),
+        ("G1 X9 F250\nG2 X20 R10\n", "unknown-word", "CR=10 the radius"),
+        ("G18 G2 X20 I5 J0 F250\n", "arc-open", "J is not of the working plane G18"),
+        ("G1 X9 F250\nN20 X12 (second)\n", "wrong-dialect", "a comment in brackets"),
+        ("G1 X9 F250\nG49\n", "wrong-dialect", "D0 takes the length off"),
+        ("G1 X9 F250\rX20\n", "line-end", "CR stands without LF"),
+        ("G1 X9 F.2\n", "odd-feed", "for each turn"),
+        ("G0 Z5\nX9 F250\n", "feed-in-rapid", "G1 may have been lost"),
+        ("G1 X9 F250\nG0 X0\n", "rapid-below-clearance", "no higher than the highest cut"),
+        ("G0 Z10\nG1 Z-3 F100\nG0 Z-6\n", "rapid-below-clearance", "no higher than the highest cut"),
+    ],
+    ids=lambda value: value.replace("\n", "|") if isinstance(value, str) else "",
+)
+def test_slips_of_the_shop_are_told_in_its_words(middle: str, name: str, words: str) -> None:
+    """(6.10)"""
+    check = Check(Limits(PROFILE))
+    check.chunk((HEAD + middle + TAIL).encode(), 1)
+    (told,) = [one.sentence("") for one in check.finish().findings if one.id == name]
+    assert words in told
+
+
+def test_a_heidenhain_program_is_told_in_its_first_line() -> None:
+    """(6.10)"""
+    assert ("wrong-dialect", 1) in ids("", head="", tail="0 BEGIN PGM 7 MM\n1 L X+0 Y+0 R0 FMAX\n2 END PGM 7 MM\n")
+
+
+def test_an_odd_feed_is_told_once_for_each_value() -> None:
+    """(6.10) In bulk as block by block."""
+    cuts = "".join(
+        f"X{10 + 0.5 * step:.1f} F{250 if step < 30 else 90000 if step < 60 else 250}\n" for step in range(90)
+    )
+    text = HEAD + "G1\n" + cuts + cuts.replace("X", "Y") + TAIL
+    check = Check(Limits(PROFILE))
+    check.chunk(text.encode(), 1)
+    in_bulk = [one.line for one in check.finish().findings if one.id == "odd-feed"]
+    assert in_bulk == [line for name, line in ids(text, head="", tail="") if name == "odd-feed"]
+    assert len(in_bulk) == 2
+
+
+def test_a_hole_may_be_entered_again_in_rapid() -> None:
+    """(6.10) Pecking written out: down to just above the bottom that the drill has made, and no deeper."""
+    pecks = "G0 Z10\nX20\nG1 Z-3 F100\nG0 Z10\nZ{}\nG1 Z-6\n"
+    assert ids(pecks.format("-2.5")) == []
+    assert ("rapid-below-clearance", 5) in ids(pecks.format("-3.5"))
+    assert ("rapid-below-clearance", 6) in ids(pecks.replace("Z{}", "X25\nZ-3.2"))
+
+
+def test_machine_coordinates_say_nothing_about_heights() -> None:
+    """(6.10) A part that stands on Z0: the retract to the machine's Z0 is no rapid into it, nor the height to clear."""
+    found = ids(
+        "G1 X10 F250\nX20\nX10\nG0 SUPA Z0 D0\nG0 X0 Y0\n", head=HEAD.replace("Z1 ", "Z30 ").replace("Z10", "Z40")
+    )
+    assert found == [("reversal", 3)]
+
+
+def test_a_refused_block_leaves_no_cascade() -> None:
+    """(6.10) What it would have set is not missed afterwards."""
+    head = HEAD.replace("S1000 M3\n", "S1000 M3 Q1\n").replace("G0 Z50\n", "G43 G0 Z50\n")
+    assert {name for name, _ in ids("G1 X10 F250\n", head=head)} == {"unknown-word", "wrong-dialect"}
+
+
+def test_a_subprogram_need_not_ready_the_machine(tmp_path: Path) -> None:
+    """(6.10) Tool, spindle and offset are its caller's."""
+    text = "G1 Z-1 F100\nX10 F250\nG0 Z5\nM17\n"
+    for name, head in (("side.spf", ""), ("side.mpf", "%_N_SIDE_SPF\n")):
+        path = tmp_path / name
+        path.write_text(head + text)
+        names = {one.id for one in check_program(path, Limits(PROFILE)).found.findings}
+        assert not names & {"no-tool", "no-spindle", "no-offset"}, name
 
 
 def test_no_end_no_header_no_spindle_no_tool_no_feed() -> None:

@@ -40,6 +40,7 @@ def told(check: Check, heard: list[canon.Command]) -> dict[str, Any]:
         "need": check.need_bytes_s,
         "blocks": (track.blocks, track.lines, track.last_number, track.air_moves, track.idle_moves, track.air_line),
         "way": (round(track.air_mm, 6), round(track.cut_mm, 6), track.cut_top_mm, track.direction, track.plunge),
+        "hole": (track.hole, track.told_feed_mm_min),
         "heard": heard,
     }
 

@@ -15,6 +15,7 @@ from dnc.profile import load_profile
 from dnc.shipped import shipped_path
 
 HERE = Path(__file__).parent
+CLEAN = sorted((HERE / "clean").glob("*.mpf"))
 THESIS = HERE.parent / "thesis-5000.mpf"
 PROGRAMS = [*sorted(HERE.glob("*.mpf")), THESIS]
 SCHEMA = json.loads((HERE.parents[2] / "docs/schemas/check.schema.json").read_text())
@@ -40,6 +41,7 @@ def test_findings(program: Path) -> None:
 def test_there_are_at_least_ten_broken_programs_and_the_thesis() -> None:
     """(6.10)"""
     assert len(PROGRAMS) >= 11
+    assert len(CLEAN) >= 8
 
 
 def test_the_thesis_program() -> None:
@@ -49,6 +51,12 @@ def test_the_thesis_program() -> None:
     assert {"feed-in-air", "no-spindle-dwell"} <= {name for name, _ in found}
     air = next(one for one in report(THESIS)["findings"] if one["id"] == "feed-in-air")
     assert "433 mm in air, beside 1254 mm of cutting" in air["text"]
+
+
+@pytest.mark.parametrize("program", CLEAN, ids=lambda path: path.stem)
+def test_clean_programs_in_the_styles_of_cam_systems_raise_no_alarm(program: Path) -> None:
+    """(6.10) Retracts in machine coordinates, variables, letters, pecking, zero at the bottom: notes at most."""
+    assert [one for one in report(program)["findings"] if one["severity"] != "note"] == []  # type: ignore[attr-defined]
 
 
 def test_every_broken_program_shows_another_fault() -> None:
