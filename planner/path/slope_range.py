@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.path.curve import ExactCurve
 from planner.path.model import Array, Method
+from planner.path.offset import OffsetSurface
 from planner.path.plane_spline import Index
 from planner.path.roll import RolledSurface
 from planner.path.slope_table import MOST_CELLS, SlopeTable, slope_table
@@ -58,9 +59,14 @@ def _table_for(curves: Sequence[TracedCurve]) -> SlopeTable:
     rows = np.repeat(np.arange(len(curves)), counts)
     left = np.concatenate([curve.arc_mm[:-1] for curve in curves])
     right = np.concatenate([curve.arc_mm[1:] for curve in curves])
+    boxes = [_boxes(curve.surface, curve.parameters[:-1].T, curve.parameters[1:].T)[1:] for curve in curves]
+    reach = (
+        np.min([low.min(axis=1) for low, _ in boxes], axis=0),
+        np.max([high.max(axis=1) for _, high in boxes], axis=0),
+    )
     finer = 1
     while True:
-        table = slope_table(curves[0].surface, finer)
+        table = slope_table(curves[0].surface, finer, reach)
         low, high = PatchSlopes(curves, table).enclose(rows, left, right)
         if np.isfinite(high - low).all() or 4 * table.cells > MOST_CELLS:
             return table
@@ -78,13 +84,20 @@ def _on_one_patch(curves: Sequence[ExactCurve]) -> list[TracedCurve]:
     return traced if all(curve.surface is surface for curve in traced) else []
 
 
+def _boxes(surface: OffsetSurface, start: Array, stop: Array) -> tuple[Array, Array, Array]:
+    """Boxes of (u, v) in which curves from `start` to `stop` (2, k) should stay: margin, least, largest (2, k)."""
+    sizes = np.diff(surface.patch.domain)
+    room = 0.6 * np.abs(stop - start) + 0.25 * sizes * (np.abs(stop - start) / sizes).max(axis=0)
+    return room, np.minimum(start, stop) - room, np.maximum(start, stop) + room
+
+
 class PatchSlopes:
     """Traced curves of one patch, enclosed through the patch's own derivatives, (F14) and (F15)."""
 
     method = Method.PROVED
 
     def __init__(self, curves: Sequence[TracedCurve], table: SlopeTable) -> None:
-        self._table = table
+        self._table, self._surface = table, curves[0].surface
         lengths = np.array([curve.arc_mm[-1] for curve in curves])
         self._base = np.cumsum(lengths + 1.0) - lengths
         counts = np.array([curve.arc_mm.size for curve in curves])
@@ -98,9 +111,7 @@ class PatchSlopes:
         node = np.clip(np.searchsorted(self._keys, middle, side="right") - 1, self._first[rows], self._last[rows])
         start, stop = self._parameters[:, node], self._parameters[:, node + 1]
         width = self._keys[node + 1] - self._keys[node]
-        sizes = self._table.sizes[:, None]
-        room = 0.6 * np.abs(stop - start) + 0.25 * sizes * (np.abs(stop - start) / sizes).max(axis=0)
-        low, high = np.minimum(start, stop) - room, np.maximum(start, stop) + room
+        room, low, high = _boxes(self._surface, start, stop)
         speeds = [self._table.over(speed, low, high) for speed in (self._table.u_speed, self._table.v_speed)]
         least, most = np.stack([speed.low for speed in speeds]), np.stack([speed.high for speed in speeds])
         # Every point is within half the width of a node, so the curve cannot have left the box it was assumed in.

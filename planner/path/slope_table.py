@@ -37,11 +37,6 @@ class SlopeTable:
         """How many cells there are."""
         return self.slope.low.size
 
-    @property
-    def sizes(self) -> Array:
-        """How far the cells reach in u and in v, (2,)."""
-        return np.array([np.ptp(self.u_edges), np.ptp(self.v_edges)])
-
     def over(self, what: Range, low: Array, high: Array) -> Range:
         """The range of `what` over boxes from low (2, k) to high (2, k) of (u, v); all numbers beyond the cells."""
         first, last = [], []
@@ -60,15 +55,19 @@ class SlopeTable:
         return Range(np.where(is_inside, least, -np.inf), np.where(is_inside, most, np.inf))
 
 
-def slope_table(surface: OffsetSurface, finer: int = 1) -> SlopeTable:
-    """The table of a patch, its end polynomials carried on a little on every side.
+def slope_table(surface: OffsetSurface, finer: int = 1, reach: tuple[Array, Array] | None = None) -> SlopeTable:
+    """The table of a patch, its end polynomials carried on by a cell at least on every side.
 
-    Its cells are `finer` times as narrow as those that serve gentle patches.
+    Its cells are `finer` times as narrow as those that serve gentle patches. They cover all (u, v) from the first to
+    the second of `reach`, (2,) each.
     """
     patch = surface.patch
+    low, high = reach or np.array(patch.domain).T
     spans = len(patch.basis_u.starts) * len(patch.basis_v.starts)
     a_span = finer * int(np.clip(np.sqrt(FEW_CELLS / spans), 1, 24))
-    in_u, in_v = _cells(patch.basis_u, a_span), _cells(patch.basis_v, a_span)
+    in_u, in_v = (
+        _cells(basis, a_span, low[axis], high[axis]) for axis, basis in enumerate((patch.basis_u, patch.basis_v))
+    )
     reach_u = patch.basis_u.first[in_u.span][:, None] + np.arange(patch.degree_u + 1)
     reach_v = patch.basis_v.first[in_v.span][:, None] + np.arange(patch.degree_v + 1)
     points = patch.control_points
@@ -98,15 +97,17 @@ class _Cells:
         return np.diff(self.edges)
 
 
-def _cells(basis: SpanBasis, a_span: int) -> _Cells:
-    beyond = max(1, a_span // 2)
+def _cells(basis: SpanBasis, a_span: int, low: float, high: float) -> _Cells:
+    """So many cells a span, and as many beyond both ends as it takes to cover all from `low` to `high`."""
+    first, last = basis.widths[[0, -1]] / a_span
+    before = max(1, int(np.ceil((basis.low - low) / first)))
+    after = max(1, int(np.ceil((high - basis.high) / last)))
     spans = np.arange(len(basis.starts))
     shares = np.arange(a_span) / a_span
     inner = (basis.starts[:, None] + basis.widths[:, None] * shares).ravel()
-    steps = np.arange(1, beyond + 1) / a_span
-    before, after = basis.low - steps[::-1] * basis.widths[0], basis.high + steps * basis.widths[-1]
-    edges = np.concatenate([before, inner, [basis.high], after])
-    span = np.concatenate([np.zeros(beyond, np.intp), np.repeat(spans, a_span), np.full(beyond, spans[-1])])
+    outside = basis.low - np.arange(before, 0, -1) * first, basis.high + np.arange(1, after + 1) * last
+    edges = np.concatenate([outside[0], inner, [basis.high], outside[1]])
+    span = np.concatenate([np.zeros(before, np.intp), np.repeat(spans, a_span), np.full(after, spans[-1])])
     from_ = (edges[:-1] - basis.starts[span]) / basis.widths[span]
     size = np.diff(edges) / basis.widths[span]
     degree = basis.degree

@@ -6,7 +6,7 @@ i + w - 1, its window.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -53,7 +53,10 @@ class SpanIndex:
 
 @dataclass(frozen=True, slots=True)
 class SpanFits:
-    """Fits of a batch: `errors_mm` (p,) are their largest distances; all arrays that a kind of fit adds end in S."""
+    """Fits of a batch: `errors_mm` (p,) are their largest distances.
+
+    A kind of fit adds arrays that run over spans last; a class's own slots are what it adds.
+    """
 
     index: SpanIndex
     errors_mm: Array
@@ -61,19 +64,15 @@ class SpanFits:
     def take(self, rows: Index) -> Self:
         """These fits only; the rows rise."""
         spans = self.index.spans_of(rows)
-        own = {name: getattr(self, name)[..., spans] for name in self._own_arrays()}
+        own = {name: getattr(self, name)[..., spans] for name in self.__slots__}
         return replace(self, index=SpanIndex.of(self.index.counts[rows]), errors_mm=self.errors_mm[rows], **own)
 
     def put(self, rows: Index, other: Self) -> None:
         """Overwrite these rows, which rise, by the other's."""
         spans = self.index.spans_of(rows)
-        for name in self._own_arrays():
+        for name in self.__slots__:
             getattr(self, name)[..., spans] = getattr(other, name)
         self.errors_mm[rows] = other.errors_mm
-
-    def _own_arrays(self) -> list[str]:
-        shared = {field.name for field in fields(SpanFits)}
-        return [field.name for field in fields(self) if field.name not in shared]
 
 
 def solve_spans(blocks: Array, right: Array, index: SpanIndex, damping: Array) -> Array:
