@@ -125,9 +125,9 @@ def test_planning_twice_gives_the_same_bytes(tmp_path: Path) -> None:
         ([("scallop_mm = 0.08", "pick_feed_mm = 1e-5")], None, r"patch 1 is .* mm: pick_feed_mm asks for .* passes"),
         ([("surface.toml", "absent.toml")], None, r"absent\.toml: cannot be read"),
         (
-            [("safe_z_mm = 50.0", "safe_z_mm = 1e9")],
+            [("safe_z_mm = 50.0", "safe_z_mm = 1e5")],
             None,
-            r"over 1e\+09 mm along Z, the machine over 1000; lower",
+            r"over 1e\+05 mm along Z, the machine over 1000; lower",
         ),
         ([("plunge_mm_min = 100.0", "plunge_mm_min = 1e-9")], None, r"job\.toml:\d+: .*plunge_mm_min"),
         ([("cut_mm_min = 250.0", "cut_mm_min = 1e9")], None, r"job\.toml:\d+: .*cut_mm_min"),
