@@ -1,10 +1,11 @@
-"""What a plan takes from the machine profile."""
+"""What a plan takes from the machine profile: limits of control, line and axes, and its clock."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from dnc.pacing import bits_per_byte
 from dnc.profile import MachineProfile
 from planner.post.written import ControlLimits
 
@@ -30,7 +31,7 @@ def limits_of(profile: MachineProfile) -> ControlLimits:
 def machining_clock(
     profile_path: Path, subprogram_folder: Path | None = None, tool_radii_mm: Mapping[int, float] | None = None
 ) -> Callable[[bytes], float]:
-    """How long this machine takes for a program, s: the interpreter's commands, timed in closed form."""
+    """How long this machine takes for a program, s: the interpreter's commands, timed by its own motion."""
     from sim.interpreter.run import interpret
     from sim.mill import settings_of
     from sim.motion.estimate import estimate_time_s
@@ -43,8 +44,7 @@ def machining_clock(
 
 def line_of(profile: MachineProfile) -> tuple[int, float]:
     """Baud and bits a character of the profile's line."""
-    data, parity, stop = profile.link.format[0], profile.link.format[1], profile.link.format[2:]
-    return profile.link.baud, 1 + int(data) + (parity != "N") + float(stop)
+    return profile.link.baud, bits_per_byte(profile.link.format)
 
 
 def travel_of(profile: MachineProfile) -> tuple[float, float, float]:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from planner.errors import InputRejected
+
+_LINE_LIMIT_BYTES = 65536
+_CHUNK_BYTES = 1 << 18
 
 
 def made_folder(path: Path) -> Path:
@@ -21,16 +24,32 @@ def made_folder(path: Path) -> Path:
 
 def read_program(path: Path) -> bytes:
     """The bytes of a program, every one of them; raises InputRejected where there is none."""
-    if not path.is_file():
-        what = "is a directory" if path.is_dir() else "is not a regular file" if path.exists() else "is not there"
-        raise InputRejected(what, path=path, remedy="name a program file")
+    _require_program(path)
     try:
         data = path.read_bytes()
     except OSError as problem:
-        raise InputRejected(f"cannot be read: {problem.strerror}", path=path, remedy="check the rights") from None
+        raise _unreadable(path, problem) from None
     if not data.strip():
         raise InputRejected("is empty", path=path, remedy="name a program file")
     return data
+
+
+def program_chunks(path: Path) -> Iterator[bytes]:
+    """A program in chunks of whole lines, of a line beyond 64 KiB no more than its head; raises InputRejected."""
+    _require_program(path)
+    rest = b""
+    try:
+        with path.open("rb") as file:
+            while data := file.read(_CHUNK_BYTES):
+                rest += data
+                stop = rest.rfind(b"\n") + 1
+                if stop:
+                    yield rest[:stop]
+                rest = rest[stop:][:_LINE_LIMIT_BYTES]
+    except OSError as problem:
+        raise _unreadable(path, problem) from None
+    if rest:
+        yield rest
 
 
 def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None] = ()) -> None:
@@ -78,6 +97,16 @@ def part_of(path: Path) -> Path:
 def unwritable(path: Path, problem: OSError) -> InputRejected:
     """The sentence for a file that the system does not let us write."""
     return InputRejected(f"cannot be written: {problem.strerror}", path=path, remedy="check folder, rights and space")
+
+
+def _require_program(path: Path) -> None:
+    if not path.is_file():
+        what = "is a directory" if path.is_dir() else "is not a regular file" if path.exists() else "is not there"
+        raise InputRejected(what, path=path, remedy="name a program file")
+
+
+def _unreadable(path: Path, problem: OSError) -> InputRejected:
+    return InputRejected(f"cannot be read: {problem.strerror}", path=path, remedy="check the rights")
 
 
 def _refuse_what_is_no_file(path: Path) -> None:

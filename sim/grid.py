@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.nominal import Frames, NominalPatch
+from sim.nominal_patch import Frames, NominalPatch
 
 Floats = NDArray[np.float64]
 

@@ -1,24 +1,23 @@
 """The control and its machine while a program comes in over the line: blocks are prepared, interpreted and cut.
 
-I/O-free; times in machine seconds. It hears what the ring holds, says what it took, and plays its operator: cycle
-start, the keys that `--fault` names, and cycle start again after a programmed stop.
+I/O-free; times in machine seconds. It hears what the ring holds and says what it took.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from enum import Enum
-from functools import partial
 from pathlib import Path
 
 from sim.control import Control, Execution, Happening
-from sim.faults import Faults, Moment
+from sim.faults import Faults
 from sim.interpreter import canon
 from sim.interpreter.run import Interpreter, holds_block
 from sim.messages import Began, BrokeOff, Completed, Heard, Order, Power, StopReading, Took
 from sim.mill import settings_of, standing_at
 from sim.motion.machine import Machine
 from sim.motion.values import MachineState, Samples, StopReason
+from sim.operator import Key, Operator
 from sim.panel import Panel
 from sim.profile import MillProfile
 
@@ -80,15 +79,19 @@ class LiveMill:
         self._received_bytes = self._overrun_bytes = 0
         self._next_block_s = 0.0
         self._now_s = 0.0
-        self._answer_s: float | None = None
         self._ear = _Ear.LISTENING
         self._program: str | None = None
         self._block: int | None = None
         self._awaits_tool = False
-        self._pending = [name for name in _KEYS if getattr(faults, name) is not None]
-        self._ends: list[tuple[float, Callable[[float], None]]] = []
         self._orders: list[Order] = []
-        self._is_started = False
+        keys = {
+            "single_block": Key(self._single_block, self._continuous),
+            "feed_hold": Key(self._feed_hold, self._cycle_start),
+            "reset": Key(self._reset),
+            "alarm": Key(self._emergency),
+            "power_cycle": Key(self._power_off, self._power_on),
+        }
+        self._operator = Operator(faults, self._start, self._cycle_start, keys)
 
     def hear(self, heard: Heard) -> None:
         """What has come into the ring."""
@@ -105,7 +108,7 @@ class LiveMill:
         stride_s = max(self.profile.block_cycle_s, (until_s - self._now_s) / _STRIDES)
         while self._now_s < until_s:
             now_s = min(until_s, self._now_s + stride_s)
-            self._operate(now_s)
+            self._operator.act(now_s, self._received_bytes)
             self._prepare(now_s)
             samples = self.machine.advance(now_s)
             if len(samples.t_s):
@@ -213,7 +216,7 @@ class LiveMill:
         self._tape.clear()
         self._ear = _Ear.BROKEN_OFF
 
-    # --- what the machine and the operator do
+    # --- what the machine has come to
 
     def _follow(self, now_s: float) -> None:
         """What the machine has come to, in the control's words."""
@@ -223,7 +226,7 @@ class LiveMill:
         happening = _FOLLOWS.get(state)
         if happening is not None and self.control.happens(happening, now_s):
             if self.control.execution in _ANSWERED:
-                self._answer_s = now_s + self.faults.stop_answer
+                self._operator.sees_stop(now_s)
             if happening is Happening.PROGRAM_END:
                 self.completed_s = self.machine.time_s
                 self._orders.append(Completed())
@@ -241,26 +244,11 @@ class LiveMill:
         elif self.control.happens(Happening.TOOL_CHANGED, now_s):
             self._awaits_tool = False
 
-    def _operate(self, now_s: float) -> None:
-        if not self._is_started and now_s >= self.faults.cycle_start:
-            self._is_started = True
-            self.control.happens(Happening.CYCLE_START, now_s)
-            self._orders.append(Began())
-        if self._answer_s is not None and now_s >= self._answer_s:
-            self._answer_s = None
-            self._cycle_start(now_s)
-        for name in [*self._pending]:
-            moment: Moment = getattr(self.faults, name)
-            if moment.has_come(now_s, self._received_bytes):
-                self._pending.remove(name)
-                begin, end = _KEYS[name]
-                begin(self, now_s)
-                if end is not None and moment.for_s is not None:
-                    self._ends.append((now_s + moment.for_s, partial(end, self)))
-        for due in [*self._ends]:
-            if now_s >= due[0]:
-                self._ends.remove(due)
-                due[1](now_s)
+    # --- keys
+
+    def _start(self, now_s: float) -> None:
+        self.control.happens(Happening.CYCLE_START, now_s)
+        self._orders.append(Began())
 
     def _cycle_start(self, now_s: float) -> None:
         if self.control.happens(Happening.CYCLE_START, now_s):
@@ -304,14 +292,3 @@ class LiveMill:
     def _power_on(self, now_s: float) -> None:
         self.control.happens(Happening.POWER_ON, now_s)
         self._orders.append(Power(is_on=True))
-
-
-_Key = Callable[[LiveMill, float], None]
-_KEYS: dict[str, tuple[_Key, _Key | None]] = {
-    "single_block": (LiveMill._single_block, LiveMill._continuous),
-    "feed_hold": (LiveMill._feed_hold, LiveMill._cycle_start),
-    "reset": (LiveMill._reset, None),
-    "alarm": (LiveMill._emergency, None),
-    "power_cycle": (LiveMill._power_off, LiveMill._power_on),
-}
-"""What each key does, and what ends it when its moment lasts."""

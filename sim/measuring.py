@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from planner.tomlfile import read_text
 from sim.errors import InputRejected
 from sim.grid import net_of
-from sim.nominal import Nominal, NominalPatch
+from sim.nominal import Nominal
+from sim.nominal_patch import NominalPatch
 
 Floats = NDArray[np.float64]
 

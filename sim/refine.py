@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.nominal import NominalPatch
+from sim.nominal_patch import NominalPatch
 from sim.probe import Heights, Probes
 
 Floats = NDArray[np.float64]

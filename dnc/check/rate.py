@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dnc.check.finding import Finding, Severity
 from dnc.check.limits import Limits
+from dnc.pacing import bits_per_byte
 from dnc.profile import Link
 from sim.interpreter import canon
 
@@ -25,13 +26,12 @@ _FEW = 256
 
 
 def line_bytes_s(link: Link) -> float:
-    """Bytes per second that the line carries: start, data, parity and stop bits.
+    """Bytes per second that the line carries.
 
     >>> line_bytes_s(Link(baud=9600, format="7E2"))
     872.7272727272727
     """
-    parity = 0 if link.format[1] == "N" else 1
-    return link.baud / (1 + int(link.format[0]) + parity + float(link.format[2:]))
+    return link.baud / bits_per_byte(link.format)
 
 
 @dataclass(slots=True)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,7 @@ from dnc.check.word_rules import BLOCK_RULES, IDLE_CODES, NUMBER_RULES, idle_wor
 from dnc.control_side import settings_of
 from dnc.errors import InputRejected
 from dnc.preamble import resumed_interpreter
+from planner.files import program_chunks
 from planner.gcode import Block, SyntaxProblem, read_block
 from planner.post.stamp import read_stamp
 from sim.interpreter import canon
@@ -41,7 +42,6 @@ from sim.interpreter.plain import PlainLines, plain_lines
 from sim.interpreter.run import Interpreter
 from sim.interpreter.settings import Settings
 
-_LINE_LIMIT_BYTES = 65536
 _STAMP_LINES = 10
 _NUMBER = rb"-?(?:\d+\.?\d*|\.\d+)"
 _WORDS = rb"(?:[XYZF]%b|PO\[[XYZ]\]=\((?:%b,)*%b\)) ?" % (_NUMBER, _NUMBER, _NUMBER)
@@ -50,7 +50,6 @@ _POINT = re.compile(rb"[XYZ][-.\d]")
 _READYING = frozenset({"M", "M1", "S", "S1", "T"})
 _MOST_ALARMS = 100
 _MOST_SIZES = 10_000
-_CHUNK_BYTES = 1 << 18
 Progress = Callable[[int], None]
 Watch = Callable[[canon.Command], None]
 
@@ -257,26 +256,6 @@ def _read(body: bytes, line: int) -> Block | None:
         return None
 
 
-def chunks_of(path: Path) -> Iterator[bytes]:
-    """A program in chunks of whole lines, of a line beyond 64 KiB no more than its head; raises InputRejected."""
-    if not path.is_file():
-        what = "is a directory" if path.is_dir() else "is not a regular file" if path.exists() else "does not exist"
-        raise InputRejected(what, path=path, remedy="name a program file")
-    rest = b""
-    try:
-        with path.open("rb") as file:
-            while data := file.read(_CHUNK_BYTES):
-                rest += data
-                stop = rest.rfind(b"\n") + 1
-                if stop:
-                    yield rest[:stop]
-                rest = rest[stop:][:_LINE_LIMIT_BYTES]
-    except OSError as problem:
-        raise InputRejected(f"cannot be read: {problem.strerror}", path=path, remedy="check the rights") from None
-    if rest:
-        yield rest
-
-
 def check_program(path: Path, limits: Limits, progress: Progress | None = None, watch: Watch | None = None) -> Check:
     """The finished check of a program file; `progress` hears the bytes done, `watch` every canonical command.
 
@@ -291,7 +270,7 @@ def check_program(path: Path, limits: Limits, progress: Progress | None = None, 
     check = Check(limits, settings, watch)
     check.track.is_subprogram = path.suffix.lower() == ".spf"
     line, done_bytes = 1, 0
-    for chunk in chunks_of(path):
+    for chunk in program_chunks(path):
         if line == 1 and chunk.startswith(UTF16_MARKS):
             check.found.add(encoding_mark(chunk, line, limits))
             return check

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from dnc.numbers import Number
+
+if TYPE_CHECKING:
+    from planner.plan import Planned
 
 _CONTROLS = ["sinumerik-840d", "fanuc-30i", "heidenhain-itnc530", "linuxcnc", "generic"]
 _BLOCKS = ["auto", "bspline", "poly", "nurbs", "spl", "arcs", "linear"]
@@ -79,14 +82,7 @@ def command(
         travel_mm=travel_of(profile),
     )
     text = json.dumps(planned.report, indent=1) + "\n"
-    if plot is not None:
-        from planner.plot import draw_plan
-
-        write_file(plot, draw_plan(planned))
-    if sheet is not None:
-        from planner.sheet import plan_sheet
-
-        write_file(sheet, plan_sheet(planned).encode())
+    _draw(planned, plot, sheet)
     write_file(output, planned.program)
     write_file(sidecar, (json.dumps(planned.sidecar) + "\n").encode())
     if report is not None:
@@ -98,6 +94,19 @@ def command(
     else:
         click.echo(_summary(planned.report, output), err=True)
     return 0
+
+
+def _draw(planned: Planned, plot: Path | None, sheet: Path | None) -> None:
+    from planner.files import write_file
+
+    if plot is not None:
+        from planner.plot import draw_plan
+
+        write_file(plot, draw_plan(planned))
+    if sheet is not None:
+        from planner.sheet import plan_sheet
+
+        write_file(sheet, plan_sheet(planned).encode())
 
 
 def _summary(report: dict[str, Any], output: Path) -> str:

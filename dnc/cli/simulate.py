@@ -78,10 +78,7 @@ def command(
     if verdict is not None:
         _draw(verdict, plot, deviation_map)
     if view is not None and verdict is not None:
-        from sim.view import page_of, write_page
-
-        title = f"{machine}: {_text(made).removeprefix('SIMULATED')}"
-        write_page(page_of(verdict, recording.travelled, data, title, nodes=60_000, pieces=100_000), view)
+        _write_view(view, verdict, recording, data, f"{machine}: {_text(made).removeprefix('SIMULATED')}")
     click.echo(json.dumps(made, indent=1) if as_json else _text(made))
     return int(ExitCode.CONTROL if recording.alarms else ExitCode.OK)
 
@@ -108,6 +105,12 @@ def _draw(verdict: Verdict, plot: Path | None, deviation_map: Path | None) -> No
         from sim.export import write_map
 
         write_map(verdict, deviation_map)
+
+
+def _write_view(view: Path, verdict: Verdict, recording: Recording, data: bytes, title: str) -> None:
+    from sim.view import page_of, write_page
+
+    write_page(page_of(verdict, recording.travelled, data, title, nodes=60_000, pieces=100_000), view)
 
 
 def _report(program: Path, data: bytes, machine: str, recording: Recording, verdict: Verdict | None) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from sim.interpreter.canon import Line, Motion, Polynomial
-from sim.nominal import NominalPatch
+from sim.nominal_patch import NominalPatch
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import NdBSpline
 
-from sim.nominal import CutterData, Nominal, NominalPatch
+from sim.nominal import CutterData, Nominal
+from sim.nominal_patch import NominalPatch
 
 Floats = NDArray[np.float64]
 

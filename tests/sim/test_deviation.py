@@ -7,7 +7,8 @@ from scipy.interpolate import NdBSpline
 
 from sim.deviation import judge
 from sim.interpreter.canon import Arc, Line, Motion, Rapid
-from sim.nominal import CutterData, Nominal, NominalPatch, load_nominal
+from sim.nominal import CutterData, Nominal, load_nominal
+from sim.nominal_patch import NominalPatch
 from sim.tool import BallTool
 
 R = 4.0

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sim.errors import InputRejected
-from sim.nominal import NominalPatch, load_nominal, load_patches
+from sim.nominal import load_nominal, load_patches
+from sim.nominal_patch import NominalPatch
 from tests.sim.surfaces import cylinder, plane, sphere_cap
 
 ROOT = Path(__file__).parents[2]

@@ -21,6 +21,7 @@ from dnc.check.rate import RateWindow
 from dnc.check.run import Check, check_program
 from dnc.profile import load_profile
 from dnc.shipped import shipped_path
+from planner import files
 from sim.interpreter import canon
 
 LIMITS = Limits(load_profile(shipped_path("machines", "sinumerik-840d")), 10.0, ((0, 0, -20), (50, 50, 4)))
@@ -228,7 +229,7 @@ def test_lines_across_chunks_and_one_without_end(tmp_path: Path, monkeypatch: py
     path = tmp_path / "part.mpf"
     path.write_text(text)
     whole = check_program(path, LIMITS).found.report()
-    monkeypatch.setattr(run, "_CHUNK_BYTES", 97)
+    monkeypatch.setattr(files, "_CHUNK_BYTES", 97)
     assert check_program(path, LIMITS).found.report() == whole
     path.write_bytes(b"X1" * 200_000)
-    assert max(map(len, run.chunks_of(path))) <= 65_536 + 97
+    assert max(map(len, files.program_chunks(path))) <= 65_536 + 97
