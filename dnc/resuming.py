@@ -16,12 +16,12 @@ from typing import Any
 import click
 
 from dnc.control_side import settings_of
-from dnc.errors import InputRejected, JournalMismatch, PortUnavailable
+from dnc.errors import InputRejected, JournalMismatch, OperatorAbort, PortUnavailable
 from dnc.joblist import PastJob, past_jobs
 from dnc.places import state_folder
 from dnc.port import Port
 from dnc.preamble import Heights
-from dnc.profile import MachineProfile
+from dnc.profile import Control, MachineProfile
 from dnc.progress import printable
 from dnc.record import in_doubt
 from dnc.restart import RestartPoint, restart_at_line, restart_at_number
@@ -32,12 +32,18 @@ from planner.job import Job
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A restart: the point, the program that begins with its preamble, and how its lines map to the first program's."""
+    """A restart: the point, the program that begins with its preamble, and how its lines map to the first program's.
+
+    `doubt` are the first and the last line that the stopped job left in doubt, None if the operator chose the block;
+    `is_lifted` says whether the preamble takes the tool up before anything else moves.
+    """
 
     point: RestartPoint
     data: bytes
     lines_before: int
     program_sha256: str
+    doubt: tuple[int, int] | None
+    is_lifted: bool
 
     def record(self) -> dict[str, Any]:
         """What the job's record keeps of it."""
@@ -63,21 +69,30 @@ class Plan:
 
 
 def plan_restart(
-    program: Path, tape: Tape, profile: MachineProfile, start_at: str | None, job: Job | None, *, is_forced: bool
+    program: Path,
+    tape: Tape,
+    machine: tuple[str, MachineProfile],
+    start_at: str | None,
+    job: Job | None,
+    *,
+    is_forced: bool,
 ) -> Plan:
     """Where to begin and with which preamble; `start_at` is a block or a line, None resumes the last job.
 
-    Tool radii are the job's; without one that of the sidecar's tool is known.
-    Raises JournalMismatch (no such job, another program), InputRejected (no such block, cannot be restored).
+    Tool radii are the job's; without one that of the sidecar's tool is known. `machine` is its name and profile.
+    Raises JournalMismatch (no such job, another program or machine), InputRejected (no such block, not to be restored).
     """
+    profile = machine[1]
     data = program.read_bytes()
     sidecar = _sidecar_of(program, data)
     points = sidecar.restart_points
     radii_mm = {sidecar.state.tool: sidecar.radius_mm} if job is None else job.tool_radii_mm
     settings = settings_of(profile, tool_radii_mm=radii_mm, subprogram_folder=program.parent)
     heights = _heights(sidecar.state, profile)
+    doubt = None
     if start_at is None:
-        line = _last_point_before(points, _first_in_doubt(tape, profile), program)
+        doubt = _lines_in_doubt(tape, machine, is_forced=is_forced)
+        line = _last_point_before(points, doubt[0], program)
         point = restart_at_line(data, line, heights, settings)
     elif start_at.upper().startswith("N") and start_at[1:].isdecimal():
         point = restart_at_number(data, int(start_at[1:]), heights, settings)
@@ -90,13 +105,26 @@ def plan_restart(
         raise InputRejected(
             f"line {point.line} is no restart point of the planner", path=program, remedy=f"{near}, or --force"
         )
-    return _planned(data, point, tape)
+    return _planned(data, point, tape, doubt, is_lifted=heights.retract_z_mm is not None)
 
 
 def confirm(plan: Plan, *, is_yes: bool) -> None:
-    """Show the preamble and ask; without a terminal only --yes lets it pass."""
+    """Say what is in doubt and what to do first, show the preamble and ask; without a terminal only --yes passes."""
     where = f"line {plan.point.line}" + (f" (N{plan.point.block})" if plan.point.block is not None else "")
-    click.echo(f"dnc: restart at {where} with this preamble:", err=True)
+    if plan.doubt is None:
+        said = ["the block is your choice: what lies before it is not cut; look at the part"]
+    else:
+        first, last = plan.doubt
+        said = [f"lines {first} to {last} are in doubt: sent, perhaps not executed"]
+    said.append(f"restart at {where}: everything from there on is cut again, nothing before it")
+    if not plan.is_lifted:
+        said.append(
+            "FIRST RAISE Z BY HAND, clear of part and clamps: the profile has no retract_z_mm, so nothing lifts the "
+            "tool before it is called"
+        )
+    said.append("this preamble runs before it:")
+    for sentence in said:
+        click.echo(f"dnc: {sentence}", err=True)
     for block in plan.point.preamble:
         click.echo(f"  {printable(block)}", err=True)
     if is_yes:
@@ -104,7 +132,20 @@ def confirm(plan: Plan, *, is_yes: bool) -> None:
     if not sys.stdin.isatty():
         raise click.UsageError("a restart is confirmed at a terminal, or with --yes")
     if not click.confirm("Send it?", default=False, err=True):
-        raise click.exceptions.Abort
+        raise OperatorAbort("not confirmed; nothing was sent")
+
+
+def doubt_of_interrupted(values: dict[str, Any], tape: Tape, control: Control) -> tuple[int, int]:
+    """The lines of this tape that a job which ended without a word left in doubt, from the bytes in its journal.
+
+    A restarted job sent the end of this tape behind a preamble, so its bytes are counted from the end.
+    """
+    restart = values.get("restart")
+    begin = int(restart["line"]) if isinstance(restart, dict) else 1
+    ahead = int(values["bytes_total"]) - tape.size_bytes if isinstance(restart, dict) else 0
+    sent, bound = (int(values.get(key, 0)) - ahead for key in ("bytes_sent", "bound_bytes"))
+    low, high = in_doubt(tape, sent, 0, control), in_doubt(tape, max(sent, bound), 0, control)
+    return max(begin, low.first if low else 1), max(begin, high.last if high else 1)
 
 
 def _sha_of(past: PastJob) -> str | None:
@@ -144,26 +185,31 @@ def _heights(state: State, profile: MachineProfile) -> Heights:
     )
 
 
-def _first_in_doubt(tape: Tape, profile: MachineProfile) -> int:
-    """The first line of this program that the last job on it may not have executed."""
+def _lines_in_doubt(tape: Tape, machine: tuple[str, MachineProfile], *, is_forced: bool) -> tuple[int, int]:
+    """The first and the last line of this program that the last job on it may or may not have executed."""
     sha = tape.program_sha256
     jobs = [past for past in past_jobs(state_folder()) if sha in (_sha_of(past), _restarted(past))]
     if not jobs:
         raise JournalMismatch("no job of exactly this program is on record; use --start-at, or send it from its start")
     last = jobs[-1]
-    if last.outcome in ("SENT", "RUNNING"):
-        raise JournalMismatch(
-            f"the last job of this program ({last.job}) is {last.outcome}; there is nothing to resume"
+    if last.outcome == "RUNNING":
+        raise JournalMismatch(f"the last job of this program ({last.job}) is RUNNING; there is nothing to resume")
+    if last.outcome == "SENT":
+        what = (
+            f"the last job of this program ({last.job}) is SENT: all bytes left, and how far the control came only it"
         )
+        raise JournalMismatch(f"{what} knows; restart with --start-at and the block that the control shows")
+    name = last.values.get("machine")
+    if name not in (None, machine[0]) and not is_forced:
+        raise JournalMismatch(f"the stopped job ran on the machine {name}, this is {machine[0]}; give --machine {name}")
     if last.outcome == "INTERRUPTED":
-        doubt = in_doubt(tape, int(last.values.get("bytes_sent", 0)), 0, profile.control)
-        first = doubt.first if doubt else 1
-    else:
-        first = (last.values.get("in_doubt") or [1])[0]
+        return doubt_of_interrupted(last.values, tape, machine[1].control)
+    first, end = last.values.get("in_doubt") or (1, 1)
     restart = last.values.get("restart")
-    if isinstance(restart, dict):
-        return max(int(restart["line"]), first - int(restart["lines_before"]) + int(restart["line"]) - 1)
-    return int(first)
+    if not isinstance(restart, dict):
+        return int(first), int(end)
+    shift = int(restart["line"]) - 1 - int(restart["lines_before"])
+    return max(int(restart["line"]), int(first) + shift), max(int(restart["line"]), int(end) + shift)
 
 
 def _restarted(past: PastJob) -> str | None:
@@ -190,10 +236,10 @@ def _nearest(points: Sequence[Point], line: int) -> str:
     return f"use N{point.block}" if point.block is not None else f"use line {point.line}"
 
 
-def _planned(data: bytes, point: RestartPoint, tape: Tape) -> Plan:
+def _planned(data: bytes, point: RestartPoint, tape: Tape, doubt: tuple[int, int] | None, *, is_lifted: bool) -> Plan:
     """Header lines of the program, the preamble, the rest; with the program's own block ends."""
     end = tape.block_end
     head = [line for line in data[: point.offset_bytes].split(end)[:3] if line.startswith((b"%", b";$"))]
     before = [*head, *(block.encode("ascii") for block in point.preamble)]
     body = b"".join(line + end for line in before) + data[point.offset_bytes :]
-    return Plan(point, body, len(before), tape.program_sha256)
+    return Plan(point, body, len(before), tape.program_sha256, doubt, is_lifted)

@@ -106,7 +106,8 @@ def _restarted(tape: Tape, profile: MachineProfile, wishes: Wishes, job: Planned
 
     if wishes.start_at is not None and wishes.resume:
         raise click.UsageError("give --start-at or --resume, not both")
-    plan = plan_restart(wishes.program, tape, profile, wishes.start_at, job, is_forced=wishes.force)
+    machine = (wishes.machine, profile)
+    plan = plan_restart(wishes.program, tape, machine, wishes.start_at, job, is_forced=wishes.force)
     confirm(plan, is_yes=wishes.yes)
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / wishes.program.name

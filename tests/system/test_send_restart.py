@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import signal
 from pathlib import Path
 
@@ -18,13 +19,17 @@ HEAD = ["%_N_PART_MPF", ";CONTROL=sinumerik-840d REFERENCE=tip", "G17 G40 G64 G7
 HEAD += ["G0 Z50", "S1000 M3", "G4 F2", "M8"]
 
 
-def planned(folder: Path, passes: int = 20) -> Path:
-    """A program as the planner writes them, with its sidecar; block N of pass k is N k."""
+def planned(folder: Path, passes: int = 20, long_from: int = 99) -> Path:
+    """A program as the planner writes them, with its sidecar; block N of pass k is N k.
+
+    From pass `long_from` on blocks carry a comment.
+    """
     lines, points = list(HEAD), []
     for number in range(1, passes + 1):
         points.append({"pass": number, "block": number, "line": len(lines) + 1})
         lines += [f"N{number} G0 X0 Y{number}", "G0 Z10", "G1 G9 Z-1 F100"]
-        lines += [f"G1 X{x}.5 F250" for x in range(10)] + ["G0 Z10"]
+        comment = " ;" + "as long as a block of a spline" * (number >= long_from)
+        lines += [f"G1 X{x}.5 F250{comment}" for x in range(10)] + ["G0 Z10"]
     data = ("\n".join([*lines, "G0 Z50", "M9", "M5", "M30"]) + "\n").encode()
     path = folder / "part.mpf"
     path.write_bytes(data)
@@ -101,16 +106,71 @@ def test_no_such_block(tmp_path: Path, where: str, code: int) -> None:
     assert "Traceback" not in words
 
 
-def test_resume_where_an_aborted_job_was_in_doubt(tmp_path: Path) -> None:
-    """(5.7) After a reset of the control: the last restart point before everything in doubt."""
-    program = planned(tmp_path, passes=40)
-    machine = tmp_path / "small.toml"
+def small_buffer(folder: Path) -> Path:
+    """The machine with a control that holds next to nothing, so that little is in doubt."""
+    machine = folder / "small.toml"
     text = (Path(__file__).parents[2] / "configs/machines/sinumerik-840d.toml").read_text()
     for key, value in [("receive_buffer_bytes", 500), ("xon_fill_bytes", 200), ("lookahead_blocks", 5)]:
         old = next(line for line in text.splitlines() if line.startswith(key))
         text = text.replace(old, f"{key} = {value}")
     machine.write_text(text)
-    options = ("--machine", str(machine), "--baud=19200")
+    return machine
+
+
+def test_a_restart_killed_on_its_way_is_resumed_from_what_it_had_sent(tmp_path: Path) -> None:
+    """(5.7) Its bytes were counted from the head of the whole program: 100 lines that nobody had sent were left out."""
+    program, record = planned(tmp_path, passes=40, long_from=20), tmp_path / "heard"
+    options = ("--machine", str(small_buffer(tmp_path)), "--baud=19200")
+    begin = program.read_bytes().split(b"\n").index(b"N20 G0 X0 Y20") + 1
+    with PeerProcess(baud=19200, quiet_s=0, record=record) as peer:
+        with SendProcess(tmp_path, program, peer.pty, *options, "--start-at", "N20", "--yes") as sending:
+            wait_for_state(tmp_path, "SENDING", sent=3000)
+            sending.child.kill()
+        with SendProcess(tmp_path, program, peer.pty, *options, "--resume") as asked:
+            code, words = asked.finish()
+        peer.stop()
+    heard = record.read_bytes()
+    reached = begin + heard[heard.index(b"N20 G0") :].count(b"\n")
+    said = re.search(r"lines (\d+) to (\d+) are in doubt", words)
+    again = re.search(r"restart at line (\d+) \(N\d+\): everything", words)
+    assert code == 2
+    assert said is not None
+    assert again is not None
+    assert begin <= int(again[1]) <= int(said[1]) <= reached <= int(said[2])
+    assert "FIRST RAISE Z BY HAND" in words
+
+
+def test_what_a_restart_says_first(tmp_path: Path) -> None:
+    """(6.8) Where the profile lifts the tool nothing is asked for; another machine and a whole job are no resume."""
+    program = planned(tmp_path)
+    with PeerProcess(baud=115200, quiet_s=0) as peer:
+        lifting = small_buffer(tmp_path)
+        lifting.write_text(lifting.read_text().replace("[control]", "[control]\nretract_z_mm = 0.0"))
+        machine = ("--machine", str(lifting), "--baud=115200")
+        with SendProcess(tmp_path, program, peer.pty, *machine, "--start-at", "N3") as asked:
+            code, words = asked.finish()
+        assert code == 2
+        assert "RAISE Z" not in words
+        assert "the block is your choice" in words
+        with SendProcess(tmp_path, program, peer.pty, *machine) as sending:
+            assert sending.finish()[0] == 0
+        with SendProcess(tmp_path, program, peer.pty, *machine, "--resume") as sent:
+            code, words = sent.finish()
+        assert code == 9
+        assert "restart with --start-at and the block that the control shows" in words
+        with SendProcess(tmp_path, program, peer.pty, *machine) as sending:
+            wait_for_state(tmp_path, "SENDING", "HELD", sent=500)
+            sending.child.kill()
+        with SendProcess(tmp_path, program, peer.pty, "--resume") as other:
+            code, words = other.finish()
+        assert code == 9
+        assert f"give --machine {lifting}" in words
+
+
+def test_resume_where_an_aborted_job_was_in_doubt(tmp_path: Path) -> None:
+    """(5.7) After a reset of the control: the last restart point before everything in doubt."""
+    program = planned(tmp_path, passes=40)
+    options = ("--machine", str(small_buffer(tmp_path)), "--baud=19200")
     with PeerProcess(baud=19200, quiet_s=0) as peer:
         with SendProcess(tmp_path, program, peer.pty, *options) as sending:
             wait_for_state(tmp_path, "SENDING", sent=3000)
@@ -207,7 +267,7 @@ def test_resume_refuses_another_adapter(tmp_path: Path) -> None:
     class Adapter:
         name, identity, is_simulated = "/dev/ttyUSB0", "usb-FTDI_B", False
 
-    plan = Plan(RestartPoint(1, None, 0, (0.0, 0.0, 0.0), (), is_inch=False), b"", 0, "ab" * 32)
+    plan = Plan(RestartPoint(1, None, 0, (0.0, 0.0, 0.0), (), is_inch=False), b"", 0, "ab" * 32, None, is_lifted=True)
     record = {"job": "1", "outcome": "FAULTED", "program_sha256": "ab" * 32, "port": "/dev/ttyUSB0"}
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path))

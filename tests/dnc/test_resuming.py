@@ -1,0 +1,53 @@
+"""What a job that ended without a word left in doubt, in the lines of the whole program (5.7)."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from dnc.profile import Control
+from dnc.profile import Tape as Framing
+from dnc.record import in_doubt
+from dnc.resuming import doubt_of_interrupted
+from dnc.spool import load_tape
+from dnc.tape import Tape
+
+CONTROL = Control(receive_buffer_bytes=300, xoff_free_bytes=50, xon_fill_bytes=100, lookahead_blocks=4)
+BLOCKS = [b"N%d G1 X%d%s" % (n, n, b" ;" + b"long" * (n // 20)) for n in range(1, 201)]
+BEGIN = 61
+PREAMBLE = [b"G17 G40", b"T2 M6", b"G0 Z50"]
+
+
+def tape_of(folder: Path, lines: list[bytes]) -> Tape:
+    program = folder / "part.mpf"
+    program.write_bytes(b"\n".join(lines) + b"\n")
+    return load_tape(program, Framing(leader="%\\LF"), folder / "spool", 8)
+
+
+@pytest.mark.parametrize("sent_bytes", [0, 1, 40, 500, 2000, 4000, 100_000])
+def test_a_restarted_job_is_counted_from_where_it_began(tmp_path: Path, sent_bytes: int) -> None:
+    """(5.7) As the window of the restarted tape says, in lines of the whole program; never before its begin."""
+    restart = PREAMBLE + BLOCKS[BEGIN - 1 :]
+    with closing(tape_of(tmp_path, BLOCKS)) as whole, closing(tape_of(tmp_path, restart)) as restarted:
+        values = {"restart": {"line": BEGIN, "lines_before": 3}, "bytes_total": restarted.size_bytes}
+        values |= {"bytes_sent": sent_bytes, "bound_bytes": sent_bytes + 60}
+        found = doubt_of_interrupted(values, whole, CONTROL)
+        low = in_doubt(restarted, sent_bytes, 0, CONTROL)
+        high = in_doubt(restarted, sent_bytes + 60, 0, CONTROL)
+    shift = BEGIN - 1 - 3
+    assert found[1] == max(BEGIN, high.last + shift if high else 1)
+    # Where the window of the whole tape would reach into blocks that this job never had, it begins with the job.
+    assert found[0] == max(BEGIN, low.first + shift if low else 1)
+
+
+def test_a_whole_job_is_counted_from_its_head(tmp_path: Path) -> None:
+    """(5.7)"""
+    with closing(tape_of(tmp_path, BLOCKS)) as whole:
+        low, high = in_doubt(whole, 1500, 0, CONTROL), in_doubt(whole, 1900, 0, CONTROL)
+        assert low is not None
+        assert high is not None
+        values = {"bytes_sent": 1500, "bound_bytes": 1900}
+        assert doubt_of_interrupted(values, whole, CONTROL) == (low.first, high.last)
+        assert doubt_of_interrupted({}, whole, CONTROL) == (1, 1)
