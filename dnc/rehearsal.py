@@ -1,4 +1,7 @@
-"""The virtual mill as a child process, for `dnc send --dry-run`; it sees only the bytes on its pty."""
+"""The virtual mill as a child process, for `dnc send --dry-run`; it sees only the bytes on its pty.
+
+The rehearsal is over when the mill has cut what it was sent, not when the last byte has left: what it found is told.
+"""
 
 from __future__ import annotations
 
@@ -7,41 +10,93 @@ import json
 import select
 import subprocess
 import sys
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dnc.errors import PortUnavailable
+from dnc.errors import ExitCode, PortUnavailable
 
 _READY_S = 30.0
-_END_S = 5.0
+_END_S = 60.0
+_SLACK_S = 15.0
+_TOLD_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """The mill of a rehearsal: its profile's name, time scale, and the job file that tells tool radii and design."""
+
+    machine: str
+    speed: float
+    programs: Path
+    job: Path | None
+
+
+class Rehearsal:
+    """A running mill: its pty, the baud rate that counts there, and its verdict at the end."""
+
+    def __init__(self, child: subprocess.Popen[bytes], report: Path, speed: float) -> None:
+        self._child, self._report, self._speed = child, report, speed
+        ready = _first_line(child)
+        self.pty, self.baud = str(ready["pty"]), round(float(ready["effective_baud"]))
+
+    def ending(self, machining_s: float, say: Callable[[str], None]) -> tuple[ExitCode, str]:
+        """Wait until the mill has cut what it was sent; the exit code and what it found, as the end of a sentence.
+
+        `machining_s` is how long this takes at speed 1 by the plan.
+        """
+        planned_s = machining_s / self._speed
+        if planned_s > _TOLD_S:
+            say(f"all bytes sent; the virtual mill needs about {planned_s:.0f} s for them, Ctrl-C ends the rehearsal")
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._child.wait(1.5 * planned_s + _SLACK_S)
+        _end(self._child)
+        return _verdict(json.loads(self._report.read_text()) if self._report.is_file() else None)
 
 
 @contextlib.contextmanager
-def rehearsal_mill(machine: str, speed: float, programs: Path, job: Path | None = None) -> Iterator[tuple[str, int]]:
-    """Start `dnc mill` and give its pty and effective baud rate; ends it afterwards.
+def rehearsal_mill(wanted: Wanted) -> Iterator[Rehearsal]:
+    """Start `dnc mill` and give the rehearsal; the mill is ended afterwards.
 
-    `programs` is the folder of the subprograms that it has in its memory, `job` tells it the tool radii.
+    `wanted.programs` is the folder of the subprograms that it has in its memory.
     """
-    words = [
-        sys.executable,
-        "-m",
-        "dnc",
-        "mill",
-        "--machine",
-        machine,
-        "--speed",
-        str(speed),
-        "--programs",
-        str(programs),
-    ]
-    words += [] if job is None else ["--nominal", str(job)]
-    child = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, start_new_session=True)
-    try:
-        ready = _first_line(child)
-        yield str(ready["pty"]), round(float(ready["effective_baud"]))
-    finally:
-        _end(child)
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "mill.json"
+        words = [*("--machine", wanted.machine), *("--speed", str(wanted.speed)), *("--programs", str(wanted.programs))]
+        words += [] if wanted.job is None else ["--nominal", str(wanted.job)]
+        words += ["--end-on-alarm", "--report", str(report)]
+        child = subprocess.Popen(
+            [sys.executable, "-m", "dnc", "mill", *words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        )
+        try:
+            yield Rehearsal(child, report, wanted.speed)
+        finally:
+            _end(child)
+            if child.stdout is not None:
+                child.stdout.close()
+
+
+def _verdict(report: dict[str, Any] | None) -> tuple[ExitCode, str]:
+    if report is None:
+        return ExitCode.INTERNAL, "the virtual mill ended without a report; run dnc mill to see why"
+    if report["alarms"]:
+        alarm = report["alarms"][0]
+        return ExitCode.CONTROL, f"the mill alarmed in line {alarm['line']}: {alarm['number']} {alarm['text']}"
+    if not report["is_completed"]:
+        state = report["execution"]
+        return ExitCode.LINE, f"the mill did not come to the end of the program, it stands {state}; is there an M30?"
+    minutes, seconds = divmod(round(report["machining_time_s"]), 60)
+    found = f"the mill came to the end of the program after {minutes}:{seconds:02d} min"
+    if report["starved_s"] > 0.0:
+        found += f", {report['starved_s']:.1f} s of it waiting for blocks"
+    if "scallop_mm" in report:
+        found += f"; scallop {1000 * report['scallop_mm']:.2f} um, gouge {1000 * report['gouge_mm']:.2f} um"
+    return ExitCode.OK, found
 
 
 def _first_line(child: subprocess.Popen[bytes]) -> dict[str, Any]:
@@ -56,11 +111,12 @@ def _first_line(child: subprocess.Popen[bytes]) -> dict[str, Any]:
 
 
 def _end(child: subprocess.Popen[bytes]) -> None:
+    """Ask it to end, with time to write its report; harmless when it has ended."""
+    if child.poll() is not None:
+        return
     child.terminate()
     try:
         child.wait(_END_S)
     except subprocess.TimeoutExpired:
         child.kill()
         child.wait()
-    if child.stdout is not None:
-        child.stdout.close()

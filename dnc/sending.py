@@ -8,7 +8,7 @@ import math
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ from dnc.places import state_folder
 from dnc.port import Port, SerialPort
 from dnc.profile import Link, MachineProfile, load_profile, profile_path
 from dnc.progress import Progress, event_lines
-from dnc.rehearsal import rehearsal_mill
+from dnc.rehearsal import Rehearsal, Wanted, rehearsal_mill
 from dnc.spool import load_tape
 from dnc.stamp import refuse_contradiction
 from dnc.tape import Tape
@@ -85,7 +85,7 @@ def send(wishes: Wishes) -> int:
             refuse_findings(wishes.program, profile, job)
         if wishes.start_at is not None or wishes.resume:
             tape, plan = _restarted(tape, profile, wishes, job)
-        with _port(wishes, profile) as (port, profile):
+        with _port(wishes, profile) as (port, profile, mill):
             try:
                 refuse_overrun(tape, profile, port, is_forced=wishes.force)
                 refuse_dirty_control(port.identity, wishes.yes, wishes.control_was_reset)
@@ -95,6 +95,8 @@ def send(wishes: Wishes) -> int:
                 port.close()
                 raise
             finished = _run(tape, port, profile, wishes, plan.record() if plan is not None else None)
+            if mill is not None and finished.exit_code == 0:
+                finished = _rehearsed(finished, mill, tape, wishes, job)
     finally:
         tape.close()
     return _ending(finished, wishes)
@@ -202,17 +204,27 @@ def open_port(name: str, link: Link) -> Port:
 
 
 @contextlib.contextmanager
-def _port(wishes: Wishes, profile: MachineProfile) -> Iterator[tuple[Port, MachineProfile]]:
-    """The port to send to, and the profile with the baud rate that counts there."""
+def _port(wishes: Wishes, profile: MachineProfile) -> Iterator[tuple[Port, MachineProfile, Rehearsal | None]]:
+    """The port to send to, the profile with the baud rate that counts there, and the mill of a rehearsal."""
     if wishes.port is not None:
-        yield open_port(wishes.port, profile.link), profile
+        yield open_port(wishes.port, profile.link), profile, None
         return
-    with rehearsal_mill(wishes.machine, wishes.speed or 1.0, wishes.program.absolute().parent, wishes.job) as (
-        name,
-        baud,
-    ):
-        scaled = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=baud))
-        yield open_port(name, scaled.link), scaled
+    wanted = Wanted(wishes.machine, wishes.speed or 1.0, wishes.program.absolute().parent, wishes.job)
+    with rehearsal_mill(wanted) as mill:
+        scaled = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=mill.baud))
+        yield open_port(mill.pty, scaled.link), scaled, mill
+
+
+def _rehearsed(finished: Finished, mill: Rehearsal, tape: Tape, wishes: Wishes, job: PlannedJob | None) -> Finished:
+    """How the rehearsal ended, once the mill has cut what it was sent."""
+    from dnc.planning import machining_clock
+
+    radii_mm = None if job is None else job.tool_radii_mm
+    clock = machining_clock(profile_path(wishes.machine), wishes.program.absolute().parent, radii_mm)
+    machining_s = clock(tape.peek(0, tape.size_bytes))
+    code, found = mill.ending(machining_s, lambda text: click.echo(f"dnc: SIMULATED: {text}", err=True))
+    sentence = f"sent {finished.report['bytes_sent']} bytes; {found}"
+    return replace(finished, report={**finished.report, "exit_code": int(code)}, exit_code=int(code), sentence=sentence)
 
 
 def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restart: dict[str, Any] | None) -> Finished:

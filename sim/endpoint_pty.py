@@ -22,7 +22,7 @@ from typing import Any
 
 from planner.errors import SettingsRejected, UserError
 from sim.clock import HoldUps, MachineClock, punctual
-from sim.messages import Completed, Failed, Finish, Heard, Message, Ready, Result, Start, Wire
+from sim.messages import BrokeOff, Completed, Failed, Finish, Heard, Message, Ready, Result, Start, Wire
 from sim.receiver import Cycle
 from sim.uart import Uart
 
@@ -33,6 +33,8 @@ class Patience:
 
     quiet_s: float = 0.3
     """without a byte after the program's end until the mill is done"""
+    ends_on_alarm: bool = False
+    """whether an alarm or a reset ends it as the program's end does; else somebody may go on afterwards"""
     forward_s: float = 0.002
     """between two deliveries to the control"""
     idle_s: float = 0.05
@@ -215,6 +217,8 @@ class LineProcess:
                 case Ready() | Start() | Heard() | Finish() | Result():
                     pass
                 case _:
+                    if isinstance(message, BrokeOff) and self.patience.ends_on_alarm:
+                        self.is_completed, self._last_byte_s = True, time.monotonic()
                     self.uart.obey(message, self.clock.now_s())
 
     def _close_cycles(self) -> None:

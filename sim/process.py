@@ -35,12 +35,16 @@ T = TypeVar("T", Ready, Result)
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """What the user asked for beside the machine; `fault_words` are the switches as he wrote them."""
+    """What the user asked for beside the machine; `fault_words` are the switches as he wrote them.
+
+    With `ends_on_alarm` an alarm or a reset ends the mill as the program's end does.
+    """
 
     seed: int
     fault_words: tuple[str, ...]
     link: Path | None
     report: Path | None
+    ends_on_alarm: bool = False
 
 
 def run_mill(setup: Setup, wishes: Wishes, announce: Callable[[dict[str, Any]], None]) -> int:
@@ -55,7 +59,8 @@ def run_mill(setup: Setup, wishes: Wishes, announce: Callable[[dict[str, Any]], 
             return stop.exit_code()
         uart = Uart(setup.profile, setup.faults, wishes.seed)
         begun_s = time.monotonic()
-        line = LineProcess(pty, uart, wire, MachineClock(setup.speed, begun_s), Patience())
+        patience = Patience(ends_on_alarm=wishes.ends_on_alarm)
+        line = LineProcess(pty, uart, wire, MachineClock(setup.speed, begun_s), patience)
         wire.send(Start(begun_s))
         announce(_announcement(setup, wishes, pty, ready))
         is_over = line.run(stop.fd)

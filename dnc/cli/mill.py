@@ -20,6 +20,7 @@ from dnc.numbers import Number
 @click.option("--nominal", type=click.Path(path_type=Path), help="job file: measure against its design; tool radii")
 @click.option("--programs", type=click.Path(path_type=Path), help="folder of the subprograms in its memory")
 @click.option("--probe-pitch", type=Number(0.001, 1000), default=0.1, show_default=True, help="mm")
+@click.option("--end-on-alarm", is_flag=True, help="end at an alarm or a reset, as at the program's end")
 @click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON at the end")
 @click.option("--motion", type=click.Path(path_type=Path), help="write the motion log as CSV")
 @click.option("--plot", type=click.Path(path_type=Path), help="draw the deviation map as PNG (with --nominal)")
@@ -34,6 +35,7 @@ def command(
     nominal: Path | None,
     programs: Path | None,
     probe_pitch: float,
+    end_on_alarm: bool,
     report: Path | None,
     motion: Path | None,
     plot: Path | None,
@@ -74,7 +76,7 @@ def command(
         tool_radii_mm={} if nominal is None else load_job(nominal).tool_radii_mm,
         subprogram_folder=programs,
     )
-    wishes = Wishes(seed=seed, fault_words=faults, link=link, report=report)
+    wishes = Wishes(seed=seed, fault_words=faults, link=link, report=report, ends_on_alarm=end_on_alarm)
     return run_mill(setup, wishes, lambda ready: click.echo(json.dumps(ready)))
 
 

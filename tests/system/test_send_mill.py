@@ -92,7 +92,22 @@ def test_dry_run_starts_its_own_mill(tmp_path: Path) -> None:
     )
     assert ran.returncode == 0, ran.stderr
     assert "SIMULATED" in ran.stderr
+    assert "the mill came to the end of the program after 0:" in ran.stderr
     assert '"baud": 96000' in (tmp_path / "report.json").read_text()
+
+
+def test_a_dry_run_tells_what_the_mill_found_in_its_buffer(tmp_path: Path) -> None:
+    """(1.3) All bytes had left before the mill met the mistake: it ended with code 0 and not a word of the alarm."""
+    program = tmp_path / "part.mpf"
+    program.write_bytes(CASES["clean"].program().replace(b"N50 ", b"N50 XYZ "))
+    words = ["send", str(program), "--dry-run", "--speed", "50", "--report", str(tmp_path / "report.json")]
+    environment = {"XDG_STATE_HOME": str(tmp_path), "PATH": "/usr/bin:/bin"}
+    ran = subprocess.run(
+        [sys.executable, "-m", "dnc", *words], env=environment, capture_output=True, check=False, text=True, timeout=120
+    )
+    assert ran.returncode == 6, ran.stderr
+    assert "the mill alarmed in line 51: 12550 XYZ" in ran.stderr
+    assert '"exit_code": 6' in (tmp_path / "report.json").read_text()
 
 
 def test_handshake_test_on_the_mill(tmp_path: Path) -> None:
