@@ -50,7 +50,7 @@ class Examiner:
 
     def __init__(self, stream: Stream, control: Control, resume_wait_s: float, say: Callable[[str], None]) -> None:
         self.verdict = Verdict.BROKEN_OFF
-        self._stream, self._control, self._resume_wait_s, self._say = stream, control, resume_wait_s, say
+        self._stream, self._resume_wait_s, self._say = stream, resume_wait_s, say
         self._limit_bytes = control.receive_buffer_bytes + control.lookahead_blocks * 20 + 1000
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="examiner", daemon=True)

@@ -67,14 +67,13 @@ class Pace:
 class ByteClock:
     """Knows when the last byte handed over will have left the line."""
 
-    __slots__ = ("_busy_until_s", "_byte_s", "_lag_s", "_max_bytes", "_refill_before_s", "pace")
+    __slots__ = ("_busy_until_s", "_byte_s", "_lag_s", "_max_bytes", "pace")
 
     def __init__(self, pace: Pace) -> None:
         self.pace = pace
         self._byte_s = pace.byte_s * (1.0 + pace.slack) + pace.char_delay_s
         self._lag_s = pace.lag_s
         self._max_bytes = pace.inflight_max_bytes
-        self._refill_before_s = (pace.inflight_max_bytes - pace.refill_bytes) * self._byte_s
         self._busy_until_s = -math.inf
 
     @property
@@ -90,10 +89,6 @@ class ByteClock:
     def room_bytes(self, now_s: float) -> int:
         """How many more bytes may be handed over now."""
         return max(0, self._max_bytes - self.inflight_bytes(now_s))
-
-    def refill_at_s(self) -> float:
-        """The moment at which there is room for a refill."""
-        return self._busy_until_s - self._refill_before_s
 
     def room_at_s(self, count_bytes: int) -> float:
         """The moment at which there is room for this many bytes (at most the whole of what may be in flight)."""

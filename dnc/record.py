@@ -26,7 +26,6 @@ class InDoubt:
 
     first: int
     last: int
-    first_offset: int
     last_offset: int
 
 
@@ -43,7 +42,7 @@ def in_doubt(tape: Tape, sent_bytes: int, inflight_bytes: int, control: Control)
     held_back = inflight_bytes + control.receive_buffer_bytes
     first = tape.lines.line_at(tape, max(tape.leader_bytes, sent_bytes - held_back)) - control.lookahead_blocks
     first = max(1, first)
-    return InDoubt(first, last, tape.lines.offset_of(tape, first), last_offset)
+    return InDoubt(first, last, last_offset)
 
 
 def block_number(text: bytes) -> str | None:

@@ -197,7 +197,6 @@ class Sender:
             events.append(alarms.MASKED_XOFF.at(now_s, self.offset_bytes))
         self.tally.masked_xoff_count += is_masked
         if self._is_held_by_peer:
-            self.tally.repeated_xoff_count += 1
             return events
         self._is_held_by_peer, self._is_hold_warned, self._has_early_xon = True, False, False
         inflight = self.clock.inflight_bytes(now_s)

@@ -20,7 +20,6 @@ class Tally:
     bytes_sent: int = 0
     xoff_count: int = 0
     masked_xoff_count: int = 0
-    repeated_xoff_count: int = 0
     unasked_xon_count: int = 0
     noise_bytes: int = 0
     inflight_at_xoff_bytes_max: int = 0

@@ -28,7 +28,6 @@ class Uart:
         marks = Marks(profile.receive_buffer_bytes, profile.xoff_free_bytes, profile.xon_fill_bytes)
         self.receiver = Receiver(marks, self._say_word)
         self.is_on = True
-        self.lost_in_silence_bytes = 0
         self._codes = {Word.XON: profile.xon, Word.XOFF: profile.xoff}
         self._mask = 0x7F if profile.format[0] == "7" else 0xFF
         self._said = {Word.XON: 0, Word.XOFF: 0}
@@ -126,7 +125,6 @@ class Uart:
 
     def _arrive(self, run: Run) -> None:
         if not self.is_on:
-            self.lost_in_silence_bytes += len(run.data)
             return
         self._repeat_s = math.inf
         if self._mask != 0xFF:

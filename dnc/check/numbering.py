@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-LARGEST_NUMBER = 99_999_999
-"""The largest block number: eight digits, as the control's own post-processor library writes them."""
+from planner.gcode import SINUMERIK
+
+LARGEST_NUMBER = SINUMERIK.max_block_number
 _LEAST_ROUND = 900
 """The smallest last number of a round: CAM systems count to three digits at least."""
 

@@ -9,15 +9,14 @@ from dataclasses import dataclass
 class Dialect:
     """The spelling of one family of controls.
 
-    `comment_close` is empty where a comment runs to the end of the block. `needs_point`: a number without a decimal
-    point would be read as least increments. `has_expressions`: SINUMERIK's `=`, brackets and statements are read.
-    `max_block_characters` counts the end of block.
+    `comment_close` is empty where a comment runs to the end of the block. `has_expressions`: SINUMERIK's `=`,
+    brackets and statements are read. `max_block_characters` counts the end of block; `max_block_number` has the digits
+    that the control's own post-processor library writes.
     """
 
     name: str
     comment_open: str
     comment_close: str
-    needs_point: bool
     has_expressions: bool
     max_block_characters: int
     max_block_number: int
@@ -34,10 +33,10 @@ class Dialect:
         return f"{self.comment_open}{text}{self.comment_close}"
 
 
-SINUMERIK = Dialect("sinumerik", ";", "", False, True, 512, 99_999_999)
-FANUC = Dialect("fanuc", "(", ")", True, False, 256, 99_999)
-LINUXCNC = Dialect("linuxcnc", "(", ")", False, False, 255, 99_999)
-GENERIC = Dialect("generic", "(", ")", True, False, 128, 9_999)
-HEIDENHAIN = Dialect("heidenhain", ";", "", False, False, 256, 999_999)
+SINUMERIK = Dialect("sinumerik", ";", "", True, 512, 99_999_999)
+FANUC = Dialect("fanuc", "(", ")", False, 256, 99_999)
+LINUXCNC = Dialect("linuxcnc", "(", ")", False, 255, 99_999)
+GENERIC = Dialect("generic", "(", ")", False, 128, 9_999)
+HEIDENHAIN = Dialect("heidenhain", ";", "", False, 256, 999_999)
 
 DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (SINUMERIK, FANUC, LINUXCNC, GENERIC, HEIDENHAIN)}

@@ -175,8 +175,6 @@ class Machine:
             line=record.line,
             block=record.block,
             state=self._state,
-            is_starved=record.reason is StopReason.STARVED,
-            is_moving=not interpolator.is_at_rest,
             tool=auxiliary.tool,
             spindle_rpm=auxiliary.spindle_rpm,
             is_flood=auxiliary.is_flood,

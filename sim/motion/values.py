@@ -133,8 +133,6 @@ class MachineSnapshot:
     line: int
     block: int | None
     state: MachineState
-    is_starved: bool
-    is_moving: bool
     tool: int
     spindle_rpm: float
     is_flood: bool

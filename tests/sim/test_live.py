@@ -11,7 +11,7 @@ from sim.control import TABLE, Control, Execution, Happening
 from sim.faults import parse_faults
 from sim.live import EMERGENCY_STOP_ALARM, OVERRUN_ALARM, LiveMill
 from sim.messages import Completed, Heard
-from sim.motion.values import Samples
+from sim.motion.values import Samples, StopReason
 from sim.profile import AxisLimits, MillProfile
 from sim.uart import Uart
 
@@ -145,7 +145,7 @@ def test_a_lost_dc1_starves_the_machine_for_ever() -> None:
     """(5.8, L2)"""
     cable = Cable(PROGRAM, ("lose-xon=1",)).run(20.0)
     assert cable.names == ["ACTIVE"]
-    assert cable.mill.machine.snapshot().is_starved
+    assert cable.mill.machine.stands[-1].reason is StopReason.STARVED
 
 
 def test_a_block_the_control_does_not_know_alarms_with_dc3_and_nak() -> None:
@@ -163,7 +163,7 @@ def test_reset_breaks_off_with_dc3_and_syn() -> None:
     cable = Cable(PROGRAM, ("reset=300b",)).run(20.0)
     assert cable.names == ["ACTIVE", "STOPPED"]
     assert b"\x13\x16" in cable.heard
-    assert not cable.mill.machine.snapshot().is_moving
+    assert cable.mill.machine.snapshot().feed_mm_min == 0.0
     taken = cable.mill.blocks
     assert cable.run(5.0).mill.blocks == taken
 

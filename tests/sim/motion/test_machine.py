@@ -107,7 +107,7 @@ def test_waiting_for_blocks_is_starvation_with_block_and_place() -> None:
     machine = Machine(mill(), 0.004, is_compiled=False)
     machine.offer(first)
     machine.advance(1.0)
-    assert machine.snapshot().is_starved
+    assert machine.stands[-1].reason is StopReason.STARVED
     assert machine.snapshot().position_mm == (4.0, 0.0, 0.0)
     machine.offer(second)
     machine.close()
