@@ -5,19 +5,24 @@ The last block's end and the closing % go together (TapeEnd), because a control 
 
 from __future__ import annotations
 
-from dnc.pacing import Pace
-from dnc.tape import Tape
+from dnc.pacing import ByteClock
+from dnc.tape import Tape, TapeEnd
+
+_OF_RESERVE = 4
+"""Default bytes in flight are at most this part of what the control keeps free when it stops us."""
 
 
-def wanted_bytes(tape: Tape, at: int, stop_at: int | None, pace: Pace) -> int:
+def wanted_bytes(tape: Tape, at: int, stop_at: int | None, clock: ByteClock) -> int:
     """How much room makes the next write worth while: a refill, or all that is left to send before `stop_at`."""
     end = tape.end
-    if at == end.whole_from and end.whole_to - at <= pace.inflight_max_bytes:
+    if stop_at is None and at + clock.refill_bytes <= end.whole_from:
+        return clock.refill_bytes
+    if at == end.whole_from and _leaves_whole(end, clock):
         return end.whole_to - at
     stop = tape.size_bytes if stop_at is None else stop_at
     if at < end.whole_from < stop:
         stop = end.whole_from
-    return max(1, min(pace.refill_bytes, stop - at))
+    return max(1, min(clock.refill_bytes, stop - at))
 
 
 def next_bytes(tape: Tape, at: int, stop_at: int | None, count: int, wanted: int) -> bytes:
@@ -30,3 +35,8 @@ def next_bytes(tape: Tape, at: int, stop_at: int | None, count: int, wanted: int
     elif at == end.whole_from and count < wanted:
         return b""
     return tape.read(at, count)
+
+
+def _leaves_whole(end: TapeEnd, clock: ByteClock) -> bool:
+    """Whether the end may leave in one write on an empty line: the control's reserve must have room for it."""
+    return end.whole_to - end.whole_from <= clock.pace.inflight_max_bytes * _OF_RESERVE

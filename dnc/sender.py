@@ -149,7 +149,9 @@ class Sender:
         clock = self.clock
         count, wanted = clock.room_bytes(now_s), self._wanted_bytes()
         if count < wanted:
-            return b""
+            if clock.idle_at_s > now_s:
+                return b""
+            count = wanted  # the end of the tape may be longer than what may be in flight
         chunk = next_bytes(self.tape, self.offset_bytes, self._stop_at, min(count, room_bytes), wanted)
         if chunk:
             self.offset_bytes += len(chunk)
@@ -261,7 +263,7 @@ class Sender:
         return self._since_s + min(waits, default=math.inf)
 
     def _wanted_bytes(self) -> int:
-        return wanted_bytes(self.tape, self.offset_bytes, self._stop_at, self.clock.pace)
+        return wanted_bytes(self.tape, self.offset_bytes, self._stop_at, self.clock)
 
     def _delay_after_block(self, chunk: bytes) -> None:
         if self.tape.block_end[-1:] in chunk:

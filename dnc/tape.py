@@ -117,20 +117,21 @@ class Tape:
         return os.pread(self._spool, count, max(0, offset))
 
     def is_block_end(self, offset: int) -> bool:
-        """Whether a block ended just before this byte; the start of the tape and of the program count."""
-        if offset <= self.leader_bytes or offset >= self.size_bytes:
+        """Whether a block ended just before this byte; the start of the program, its closing % and the end count."""
+        if offset <= self.leader_bytes or offset == self.end.whole_to or offset >= self.size_bytes:
             return True
         size = len(self.block_end)
         return self.peek(offset - size, size) == self.block_end
 
     def next_block_end(self, offset: int) -> int:
-        """The first byte after the block that holds this one; the end of the tape if none follows."""
+        """The first byte after the block that holds this one; with the last block goes the closing %."""
         at = max(0, offset - len(self.block_end) + 1)
         while at < self.size_bytes:
             chunk = self.peek(at, _CHUNK_BYTES)
             found = chunk.find(self.block_end)
             if found >= 0:
-                return at + found + len(self.block_end)
+                after = at + found + len(self.block_end)
+                return self.end.whole_to if after == self.end.essential_bytes else after
             at += max(1, len(chunk) - len(self.block_end) + 1)
         return self.size_bytes
 

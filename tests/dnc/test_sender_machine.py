@@ -25,6 +25,8 @@ from dnc.pacing import Pace
 from tests.helpers.line import XOFF, XON, sender_of, tape_of
 
 PROGRAM = b"".join(b"N%d G1 X%d.%d\n" % (index, index * 7, index) for index in range(9)) + b"M30\n%\n"
+PAUSE_TURNS = 40
+"""More than a block has bytes."""
 TAPE = PROGRAM + b"\0" * 40
 BYTE_S = 0.001
 START_TIMEOUT_S = 0.05
@@ -111,7 +113,7 @@ class AnyOrder(RuleBasedStateMachine):
             self.take(1000, refused if turn == turns // 2 else 0)
             self.wait_as_asked()
 
-    @rule(short_of_bytes=st.sampled_from([0, 2, 30, 42]))
+    @rule(short_of_bytes=st.sampled_from([0, 2, 30, 42, 44]))
     def run_towards_the_end(self, short_of_bytes: int) -> None:
         """Up to the last bytes, where a hold or a stop is another matter."""
         while self.sender.state is JobState.SENDING and len(self.out) < len(TAPE) - short_of_bytes:
@@ -171,6 +173,13 @@ class AnyOrder(RuleBasedStateMachine):
     @rule()
     def pause(self) -> None:
         self.note(self.sender.pause(self.now_s))
+
+    @precondition(lambda self: self.sender.is_pausing and self.sender.state is JobState.SENDING)
+    @rule()
+    def see_a_pause_come(self) -> None:
+        """However few bytes the line takes, the block under way ends, and nothing of the next one follows."""
+        self.run_on(PAUSE_TURNS, 0)
+        assert self.sender.state is not JobState.SENDING
 
     @rule()
     def resume(self) -> None:

@@ -189,6 +189,41 @@ def test_no_write_ends_within_the_end(tmp_path: Path, inflight: int) -> None:
         assert tape.end.whole_from + 1 not in borders
 
 
+@pytest.mark.parametrize("end", [b"\n\n%\n", b"\n\n\n  %\n"])
+def test_blank_lines_before_the_closing_percent_go_with_the_last_block(tmp_path: Path, end: bytes) -> None:
+    """(5.4) The end is longer than what may be in flight: it leaves in one write, once the line is empty."""
+    sender = sender_of(tape_of(tmp_path, b"G1 X1\nM30" + end), Pace(0.001, 2, 0.0, slack=0.0))
+    sender.start(0.0)
+    now_s, free_s, chunks = 0.0, 0.0, []
+    while not sender.is_over:
+        chunks.append(sender.take(1000, now_s))
+        if len(chunks[-1]) > 2:
+            assert free_s <= now_s
+        free_s = max(free_s, now_s) + 0.001 * len(chunks[-1])
+        sender.tick(now_s)
+        now_s = max(now_s, sender.next_wake_s) + 1e-9
+    assert end[:-1] in chunks
+    assert b"".join(chunks) == b"G1 X1\nM30" + end
+
+
+@pytest.mark.parametrize("at", range(6, 10))
+def test_a_pause_in_the_last_block_falls_behind_the_closing_percent(tmp_path: Path, at: int) -> None:
+    """(5.4, 5.7) The last block's end and the % are one: the pause comes, and what follows it goes on at resume."""
+    sender = sender_of(tape_of(tmp_path, b"G1 X1\nM30\n%\n"))
+    sender.start(0.0)
+    now_s = 0.0
+    while sender.offset_bytes < at:
+        sender.take(1, now_s)
+        now_s += 0.001
+    sender.pause(now_s)
+    _, now_s = drain(sender, now_s, until_s=now_s + 1.0)
+    assert (sender.state, sender.is_cut) == (JobState.PAUSED, False)
+    assert sender.offset_bytes == (6 if at == 6 else 11)
+    sender.resume(now_s)
+    drain(sender, now_s)
+    assert sender.state is JobState.SENT
+
+
 def test_a_small_room_does_not_tear_the_end(tmp_path: Path) -> None:
     """(5.4) The last block's end waits until the closing % has room with it."""
     sender = sender_of(tape_of(tmp_path, PROGRAM))
