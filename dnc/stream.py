@@ -109,12 +109,15 @@ class Stream:
             self.hold_ups.note(now_s, now_s - due_s)
         if writable:
             self._is_full = False
-        if ready:
-            self._look(ready, now_s)
-        if self._flow is not Flow.BYTES:
-            self._watch_flow(now_s)
-        if sender.state is JobState.SENDING:
-            self._send(now_s)
+        heard = self._look(ready, now_s) if ready else []
+        try:
+            if self._flow is not Flow.BYTES:
+                heard += self._watch_flow(now_s)
+            if sender.state is JobState.SENDING:
+                self._send(now_s)
+        finally:  # told after the write: it wakes other threads, and the control waits for the first byte
+            if heard:
+                self._report(heard)
         if sender.state is not JobState.DRAINING or self._is_drained(now_s):
             events = sender.tick(now_s)
             if events:
@@ -137,29 +140,31 @@ class Stream:
     def _journal_room(self) -> int:
         return self.journal.bound_bytes - self.sender.offset_bytes
 
-    def _look(self, ready: Iterable[object], now_s: float) -> None:
+    def _look(self, ready: Iterable[object], now_s: float) -> list[Event]:
+        heard: list[Event] = []
         for found in ready:
             if found == self._fd:
-                self._report(self.sender.hear(self.port.read(), now_s))
+                heard += self.sender.hear(self.port.read(), now_s)
             else:
                 with contextlib.suppress(BlockingIOError):
                     os.read(self._wake_read, 4096)
         while self._commands:
-            self._obey(self._commands.popleft(), now_s)
+            heard += self._obey(self._commands.popleft(), now_s)
+        return heard
 
-    def _obey(self, command: Command, now_s: float) -> None:
+    def _obey(self, command: Command, now_s: float) -> list[Event]:
         sender = self.sender
         self.last_command = command
         if command is Command.ABORT:
-            self._report(sender.abort(now_s))
-        elif command is Command.RESUME:
-            self._report(sender.resume(now_s))
-        else:
-            self._report(sender.pause(now_s))
+            return sender.abort(now_s)
+        if command is Command.RESUME:
+            return sender.resume(now_s)
+        events = sender.pause(now_s)
         if command is Command.LEAVE:
             self._leave_at_s = self._housekeep_at_s = now_s + _LEAVE_S
             if sender.state is JobState.ARMED:
-                self._report(sender.abort(now_s))
+                events += sender.abort(now_s)
+        return events
 
     def _send(self, now_s: float) -> None:
         sender, port = self.sender, self.port
@@ -189,14 +194,15 @@ class Stream:
         self.port.purge()  # close would wait for them
         return True
 
-    def _watch_flow(self, now_s: float) -> None:
+    def _watch_flow(self, now_s: float) -> list[Event]:
         """Where no XOFF can be read: a modem line, or a driver that takes nothing more, says that the control holds."""
         if self._flow is Flow.MODEM:
-            self._report(self.sender.peer_is_ready(self.port.may_send(), now_s))
-        elif self._flow is Flow.DRIVER:
+            return self.sender.peer_is_ready(self.port.may_send(), now_s)
+        if self._flow is Flow.DRIVER:
             if not self._is_full and self.port.queued_bytes() < self.sender.clock.pace.inflight_max_bytes:
                 self._moving_at_s = now_s
-            self._report(self.sender.peer_is_ready(now_s - self._moving_at_s < _STUCK_S, now_s))
+            return self.sender.peer_is_ready(now_s - self._moving_at_s < _STUCK_S, now_s)
+        return []
 
     def _report(self, events: Iterable[Event]) -> None:
         for event in events:
