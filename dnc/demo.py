@@ -6,6 +6,7 @@ So the mill sees nothing but bytes and the surface file, and the demo cannot kno
 from __future__ import annotations
 
 import json
+import os
 import re
 import select
 import signal
@@ -15,11 +16,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from dnc.errors import ExitCode, UserError
 from planner.files import made_folder, write_file
+from sim.lifeline import end_with_parent
 
 _MEASURED = (
     *("alarms", "machining_time_s", "starved_s", "blocks"),
@@ -195,7 +198,14 @@ def _start(
     *arguments: str | Path | float, stdout: int | None = None, stderr: int | None = None
 ) -> subprocess.Popen[str]:
     command = _command(arguments)
-    return subprocess.Popen(command, stdout=stdout, stderr=stderr, text=True, stdin=subprocess.DEVNULL)
+    return subprocess.Popen(
+        command,
+        stdout=stdout,
+        stderr=stderr,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        preexec_fn=partial(end_with_parent, os.getpid()),  # noqa: PLW1509 (no thread of ours runs yet)
+    )
 
 
 def _dnc(*arguments: str | Path) -> str:

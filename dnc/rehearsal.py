@@ -7,16 +7,19 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import select
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from dnc.errors import ExitCode, PortUnavailable
+from sim.lifeline import end_with_parent
 
 _READY_S = 30.0
 _END_S = 60.0
@@ -72,6 +75,7 @@ def rehearsal_mill(wanted: Wanted) -> Iterator[Rehearsal]:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             start_new_session=True,
+            preexec_fn=partial(end_with_parent, os.getpid()),  # noqa: PLW1509 (no thread of ours runs yet)
         )
         try:
             yield Rehearsal(child, report, wanted.speed)

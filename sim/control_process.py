@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import gc
 import json
+import multiprocessing
 import select
 import signal
 import socket
@@ -22,6 +23,7 @@ from planner.errors import SettingsRejected, UserError
 from sim.clock import MachineClock
 from sim.endpoint_modbus import ModbusEnd
 from sim.interpreter.canon import Motion, Vector
+from sim.lifeline import end_with_parent
 from sim.live import LiveMill
 from sim.messages import Failed, Finish, Heard, Ready, Result, Start, Wire
 from sim.mill import rehearse
@@ -37,6 +39,9 @@ def run_control(end: socket.socket, setup: Setup) -> None:
     """The whole life of the process; signals are the parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None and parent.pid is not None:
+        end_with_parent(parent.pid)
     wire = Wire(end)
     try:
         _work(wire, setup)

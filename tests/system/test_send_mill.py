@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import select
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -9,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.helpers.line import SendProcess
+from tests.helpers.line import SendProcess, runtime_of
 from tests.helpers.mill import MillProcess, small_machine
+from tests.helpers.sending import wait_for_state
 
 pytestmark = pytest.mark.system
 PROGRAM = (
@@ -108,6 +112,36 @@ def test_a_dry_run_tells_what_the_mill_found_in_its_buffer(tmp_path: Path) -> No
     assert ran.returncode == 6, ran.stderr
     assert "the mill alarmed in line 51: 12550 XYZ" in ran.stderr
     assert '"exit_code": 6' in (tmp_path / "report.json").read_text()
+
+
+def test_a_killed_sender_leaves_no_mill_behind(tmp_path: Path) -> None:
+    """(1.3) kill -9 in the middle of a rehearsal: the mill and its control end with the sender."""
+    program = tmp_path / "part.mpf"
+    program.write_bytes(PROGRAM)
+    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path), "XDG_RUNTIME_DIR": str(runtime_of(tmp_path))}
+    command = [sys.executable, "-m", "dnc", "send", str(program), "--dry-run"]
+    with subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL) as sender:
+        wait_for_state(tmp_path, "SENDING", "HELD")
+        left = {os.pidfd_open(pid) for pid in offspring(sender.pid)}
+        assert len(left) >= 2
+        sender.kill()
+    try:
+        while left:
+            ended, _, _ = select.select(left, [], [], 10.0)
+            assert ended
+            left -= set(ended)
+            for each in ended:
+                os.close(each)
+    finally:
+        for each in left:
+            signal.pidfd_send_signal(each, signal.SIGKILL)
+            os.close(each)
+
+
+def offspring(pid: int) -> list[int]:
+    """The children of a process, and theirs."""
+    children = [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    return children + [each for child in children for each in offspring(child)]
 
 
 def test_handshake_test_on_the_mill(tmp_path: Path) -> None:
