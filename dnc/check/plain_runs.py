@@ -87,7 +87,8 @@ def _bad_numbers(numbers: NDArray[np.float64], track: Track) -> NDArray[np.bool_
     falls = here < before
     rounds = np.zeros(len(here), dtype=np.int64)
     for row in np.flatnonzero(falls).tolist():
-        rounds[row:] += starts_over(int(before[row]), int(here[row]))
+        rounds[row] = starts_over(int(before[row]), int(here[row]))
+    rounds = np.cumsum(rounds)
     found[rows] = falls | (here > LARGEST_NUMBER) | (track.numbers.holds(here) & (rounds == 0))
     if falls[1:].any() or (np.diff(here) == 0).any():
         _, firsts = np.unique(here + rounds * (LARGEST_NUMBER + 1), return_index=True)
