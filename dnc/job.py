@@ -76,7 +76,10 @@ def rules_of(link: Link) -> Rules:
 
 
 class Job:
-    """Runs once; `stream` may be asked to pause, resume or abort meanwhile."""
+    """Runs once; `stream` may be asked to pause, resume or abort meanwhile.
+
+    `unheard_events` is how many events a slow listener had not heard when the job's end could wait no longer.
+    """
 
     def __init__(
         self, tape: Tape, port: Port, profile: MachineProfile, names: JobNames, listeners: list[Listener]
@@ -88,6 +91,7 @@ class Job:
         ahead = max(_AHEAD_MIN_BYTES, int(_AHEAD_S * profile.link.baud / 10))
         self.journal = Journal(self._folder / "journal", tape.sha256, ahead, self._wake)
         self.stream = Stream(self.sender, port, self.journal, self.events.add)
+        self.unheard_events = 0
         self._is_realtime = False
         self._started = datetime.now(UTC)
 
@@ -108,7 +112,7 @@ class Job:
             if not self.port.close():
                 self.events.add(alarms.CLOSE_STUCK.at(ended_s, self.sender.offset_bytes))
             publisher.close()
-            self.events.close()
+            self.unheard_events = self.events.close()
             self.stream.close()
         return self._finished(ended_s)
 

@@ -236,7 +236,10 @@ def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restar
     hooks = hooks_of(wishes.hook, wishes.webhook, about, lambda text: click.echo(f"dnc: warning: {text}", err=True))
     job = Job(tape, port, profile, names, [event_lines(port.is_simulated), *hooks])
     with Progress(job.sender, port.is_simulated, sys.stderr):
-        return job.run()
+        finished = job.run()
+    if job.unheard_events:
+        click.echo(f"dnc: warning: {job.unheard_events} events did not reach the hook in time", err=True)
+    return finished
 
 
 def _ending(finished: Finished, wishes: Wishes) -> int:

@@ -109,14 +109,52 @@ def test_a_command_that_fails_is_said_once() -> None:
     assert said[0].startswith("hook false failed: ")
 
 
+class Slow:
+    """A listener that answers nothing until it is released."""
+
+    def __init__(self) -> None:
+        self.begun, self.release = threading.Event(), threading.Event()
+        self.told: list[Event] = []
+
+    def __call__(self, event: Event) -> None:
+        self.begun.set()
+        self.release.wait(10)
+        self.told.append(event)
+
+
 def test_a_listener_that_hangs_delays_no_other() -> None:
     """(5.7) The operator's lines appear though a web address does not answer."""
-    release, shown = threading.Event(), threading.Event()
-    log = EventLog([lambda event: release.wait(10) and None, lambda event: shown.set()])
+    slow, shown = Slow(), threading.Event()
+    log = EventLog([slow, lambda event: shown.set()])
     log.add(STARTED)
     assert shown.wait(10)
-    release.set()
+    slow.release.set()
     log.close()
+
+
+def test_a_slow_listener_hears_the_end_of_the_job() -> None:
+    """(5.7) What came before is left out, and counted: why the job ended must get through."""
+    slow = Slow()
+    log = EventLog([slow])
+    ending = [alarms.PORT_LOST.at(4.0, 60, "unplugged"), LOST]
+    log.add(STARTED)
+    assert slow.begun.wait(10)
+    for event in [*[STOPPED, GONE_ON] * 50, *ending]:
+        log.add(event)
+    threading.Timer(0.3, slow.release.set).start()
+    assert log.close(patience_s=0.0) == 99
+    assert slow.told == [STARTED, GONE_ON, *ending]
+
+
+def test_events_that_nobody_heard_are_counted() -> None:
+    """(5.7) A web address that never answers does not hold the end of the job, and the operator is told."""
+    slow = Slow()
+    log = EventLog([slow])
+    log.add(STARTED)
+    assert slow.begun.wait(10)
+    log.add(LOST)
+    assert log.close(patience_s=0.0, last_s=0.0) == 2
+    slow.release.set()
 
 
 def test_an_alarm_is_told_each_time_and_kept_once() -> None:
