@@ -19,7 +19,7 @@ import pytest
 from dnc.errors import ExitCode, PortLost, PortUnavailable
 from dnc.locks import UucpLock, lock_name
 from dnc.port import _MODEM, SerialPort, identity_of
-from dnc.port_settings import difference, parity_table, refused_settings, set_flow_characters
+from dnc.port_settings import set_flow_characters
 from dnc.profile import Link
 
 COARSE_CLOCK = 5
@@ -152,20 +152,6 @@ def test_a_hang_up_is_port_lost() -> None:
     assert port.close()
 
 
-def test_settings_that_the_driver_dropped_are_found() -> None:
-    """(5.4; fault A8) By values: size, parity, stop bits."""
-    seven_even_two = termios.CS7 | termios.PARENB | termios.CSTOPB
-    link = Link(format="7E2")
-    assert refused_settings([0, 0, seven_even_two, 0, 13, 13, []], link) == ""
-    assert refused_settings([0, 0, termios.CS8, 0, 13, 13, []], link) == "7 data bits"
-    assert refused_settings([0, 0, termios.CS7 | termios.CSTOPB, 0, 13, 13, []], link) == "parity E"
-    assert refused_settings([0, 0, termios.CS7 | termios.PARENB, 0, 13, 13, []], link) == "2 stop bits"
-    assert (
-        refused_settings([0, 0, termios.CS8 | termios.CSTOPB, 0, 13, 13, []], Link(format="7E2", software_parity=True))
-        == ""
-    )
-
-
 def test_closing_throws_nothing_away(cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch) -> None:
     """(1.3, 5.5) The last bytes may lie in a queue or a chip when the job is SENT: only a stop in the middle purges."""
     master, name = cable
@@ -216,26 +202,6 @@ def test_the_modem_line_of_the_handshake_is_read(
         assert port.may_send() is may_send
     monkeypatch.undo()
     assert port.close()
-
-
-def test_foreign_changes_are_named() -> None:
-    """(5.4; fault A5)"""
-    before = [0, 0, termios.CS8, 0, 13, 13, [b"\0"]]
-    assert difference(before, list(before)) == ""
-    assert (
-        difference(before, [termios.IXON, 0, termios.CS8, 0, 15, 15, [b"\0"]])
-        == "input flags, input baud rate, baud rate"
-    )
-
-
-def test_software_parity() -> None:
-    """(5.4) Even parity makes every byte's ones even; DC3 leaves as 0x93."""
-    even, odd = parity_table("7E1"), parity_table("7O1")
-    assert (even[0x13], even[0x11], odd[0x13]) == (0x93, 0x11, 0x13)
-    assert all(code.bit_count() % 2 == 0 for code in even)
-    assert all(code.bit_count() % 2 == 1 for code in odd)
-    with pytest.raises(PortUnavailable, match="software parity"):
-        parity_table("8E1")
 
 
 def test_software_parity_on_the_wire(cable: tuple[int, str]) -> None:

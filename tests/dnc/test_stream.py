@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import pty
 import threading
@@ -15,27 +14,16 @@ from typing import Self
 
 import pytest
 
-from dnc.errors import PortLost
 from dnc.events import Alarm, Event, JobState
 from dnc.journal import UNBOUNDED
 from dnc.pacing import Pace
 from dnc.port import Flow, SerialPort
 from dnc.profile import Link
 from dnc.stream import Command, Stream
-from tests.helpers.line import XOFF, XON, sender_of, tape_of
+from tests.helpers.line import XOFF, XON, NoJournal, sender_of, tape_of
 
 FAST = Pace(byte_s=20e-6, inflight_max_bytes=64, lag_s=0.0, slack=0.0)
 PROGRAM = b"".join(b"N%d G1 X%d\n" % (index * 10, index) for index in range(1, 401)) + b"M30\n%\n"
-
-
-class NoJournal:
-    """Lets everything leave at once."""
-
-    bound_bytes = UNBOUNDED
-    problem = ""
-
-    def note(self, sent_bytes: int, state: JobState) -> None:
-        pass
 
 
 @dataclass
@@ -195,79 +183,6 @@ def test_a_pulled_cable_is_a_hold_where_a_modem_line_tells(tmp_path: Path, cable
         assert cable.read_all(len(PROGRAM) - sent) == PROGRAM[sent:]
         running.wait_for(JobState.SENT)
         assert [event for event in running.events if isinstance(event, Alarm)] == []
-
-
-class BrokenPort:
-    """A port that fails in a chosen way at its first write."""
-
-    name = identity = "broken"
-    flow = Flow.BYTES
-    is_simulated = True
-    is_bound_assured = True
-
-    def __init__(self, fails: Exception) -> None:
-        self._read, self._write = os.pipe()
-        self.fails = fails
-        self.is_purged = False
-
-    def fileno(self) -> int:
-        return self._read
-
-    def write(self, data: bytes) -> int:
-        raise self.fails
-
-    def queued_bytes(self) -> int:
-        return 0
-
-    def changed_settings(self) -> str:
-        return ""
-
-    def purge(self) -> None:
-        self.is_purged = True
-
-    def close(self) -> bool:
-        os.close(self._read)
-        os.close(self._write)
-        return True
-
-
-class StuckPort(BrokenPort):
-    """A port whose system takes everything and whose control then reads no more."""
-
-    taken_bytes = 0
-
-    def write(self, data: bytes) -> int:
-        self.taken_bytes += len(data)
-        return len(data)
-
-    def queued_bytes(self) -> int:
-        return 0 if self.taken_bytes < len(PROGRAM) else 7
-
-
-def test_what_a_control_no_longer_reads_is_thrown_away(tmp_path: Path) -> None:
-    """(5.4, 5.5; fault A10) SENT with a note; the queue is emptied, for close would wait for it."""
-    port = StuckPort(PortLost(""))
-    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(1e-9, 64, 0.0, slack=0.0))
-    seconds = itertools.count()
-    stream = Stream(sender, port, NoJournal(), lambda _: None, clock=lambda: float(next(seconds)))  # type: ignore[arg-type]
-    stream.run()
-    assert (sender.state, port.is_purged) == (JobState.SENT, True)
-    assert "7 bytes were still in the system's queue" in sender.note
-    stream.close()
-    port.close()
-
-
-def test_a_lost_port_purges_and_faults(tmp_path: Path) -> None:
-    """(5.5; fault C1) After every stop in the middle, what the system still holds is thrown away."""
-    port = BrokenPort(PortLost("gone"))
-    sender = sender_of(tape_of(tmp_path, PROGRAM))
-    events: list[Event] = []
-    stream = Stream(sender, port, NoJournal(), events.append)  # type: ignore[arg-type]
-    stream.run()
-    assert sender.state is JobState.FAULTED
-    assert port.is_purged
-    stream.close()
-    port.close()
 
 
 def test_foreign_settings_pause(tmp_path: Path, cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:

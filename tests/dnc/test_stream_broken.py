@@ -1,0 +1,116 @@
+"""The loop over a port that breaks or is stuck: what is told, what is thrown away (5.1, 5.4, 5.5)."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from pathlib import Path
+
+from dnc.errors import PortLost
+from dnc.events import Event, JobState
+from dnc.pacing import Pace
+from dnc.port import Flow
+from dnc.stream import Stream
+from tests.helpers.line import XON, NoJournal, sender_of, states, tape_of
+
+PROGRAM = b"G1 X1\n" * 400 + b"M30\n%\n"
+
+
+class BrokenPort:
+    """A port that fails in a chosen way at its first write."""
+
+    name = identity = "broken"
+    flow = Flow.BYTES
+    is_simulated = True
+    is_bound_assured = True
+
+    def __init__(self, fails: Exception) -> None:
+        self._read, self._write = os.pipe()
+        self.fails = fails
+        self.is_purged = False
+
+    def fileno(self) -> int:
+        return self._read
+
+    def hear(self, data: bytes) -> None:
+        os.write(self._write, data)
+
+    def read(self) -> bytes:
+        return os.read(self._read, 100)
+
+    def write(self, data: bytes) -> int:
+        raise self.fails
+
+    def queued_bytes(self) -> int:
+        return 0
+
+    def changed_settings(self) -> str:
+        return ""
+
+    def purge(self) -> None:
+        self.is_purged = True
+
+    def close(self) -> bool:
+        os.close(self._read)
+        os.close(self._write)
+        return True
+
+
+class StuckPort(BrokenPort):
+    """A port whose system takes everything and whose control then reads no more."""
+
+    taken_bytes = 0
+
+    def write(self, data: bytes) -> int:
+        self.taken_bytes += len(data)
+        return len(data)
+
+    def queued_bytes(self) -> int:
+        return 0 if self.taken_bytes < len(PROGRAM) else 7
+
+
+def test_what_a_control_no_longer_reads_is_thrown_away(tmp_path: Path) -> None:
+    """(5.4, 5.5; fault A10) SENT with a note; the queue is emptied, for close would wait for it."""
+    port = StuckPort(PortLost(""))
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(1e-9, 64, 0.0, slack=0.0))
+    seconds = itertools.count()
+    stream = Stream(sender, port, NoJournal(), lambda _: None, clock=lambda: float(next(seconds)))  # type: ignore[arg-type]
+    stream.run()
+    assert (sender.state, port.is_purged) == (JobState.SENT, True)
+    assert "7 bytes were still in the system's queue" in sender.note
+    stream.close()
+    port.close()
+
+
+def test_a_lost_port_purges_and_faults(tmp_path: Path) -> None:
+    """(5.5; fault C1) After every stop in the middle, what the system still holds is thrown away."""
+    port = BrokenPort(PortLost("gone"))
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    events: list[Event] = []
+    stream = Stream(sender, port, NoJournal(), events.append)  # type: ignore[arg-type]
+    stream.run()
+    assert sender.state is JobState.FAULTED
+    assert port.is_purged
+    stream.close()
+    port.close()
+
+
+def test_what_was_heard_before_the_port_broke_is_told(tmp_path: Path) -> None:
+    """(5.1, 5.2) The first bytes leave before anybody hears of the XON; if that write fails, the XON is still told."""
+    port = BrokenPort(PortLost("gone"))
+    sender = sender_of(tape_of(tmp_path, PROGRAM), waits_for_xon=True)
+    told: list[Event] = []
+    told_at_write: list[int] = []
+
+    def write(_data: bytes) -> int:
+        told_at_write.append(len(told))
+        raise port.fails
+
+    port.write = write  # type: ignore[method-assign]
+    port.hear(XON)
+    stream = Stream(sender, port, NoJournal(), told.append)  # type: ignore[arg-type]
+    stream.run()
+    assert states(told) == [JobState.ARMED, JobState.SENDING, JobState.FAULTED]
+    assert told_at_write == [1]
+    stream.close()
+    port.close()
