@@ -24,7 +24,6 @@ from dnc.places import state_folder
 from dnc.port import Port, SerialPort
 from dnc.profile import Link, MachineProfile, load_profile, profile_path
 from dnc.progress import Progress, event_lines
-from dnc.rehearsal import Rehearsal, Wanted, rehearsal_mill
 from dnc.spool import load_tape
 from dnc.stamp import refuse_contradiction
 from dnc.tape import Tape
@@ -33,6 +32,7 @@ from planner.job import Job as PlannedJob
 from planner.job import load_job
 
 if TYPE_CHECKING:
+    from dnc.rehearsal import Rehearsal
     from dnc.resuming import Plan
 
 
@@ -209,6 +209,8 @@ def _port(wishes: Wishes, profile: MachineProfile) -> Iterator[tuple[Port, Machi
     if wishes.port is not None:
         yield open_port(wishes.port, profile.link), profile, None
         return
+    from dnc.rehearsal import Wanted, rehearsal_mill
+
     wanted = Wanted(wishes.machine, wishes.speed or 1.0, wishes.program.absolute().parent, wishes.job)
     with rehearsal_mill(wanted) as mill:
         scaled = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=mill.baud))
