@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from dnc.preamble import FINEST_DECIMALS
 from dnc.profile import MachineProfile
 from sim.interpreter.settings import G28, KnotRule, Settings, Tool
 
@@ -29,3 +30,9 @@ def settings_of(
         subprogram_folder=subprogram_folder,
         tools={number: Tool(radius_mm) for number, radius_mm in tool_radii_mm.items()},
     )
+
+
+def decimals_of(profile: MachineProfile) -> int:
+    """The decimals that a preamble is written with on this machine."""
+    most = profile.control.decimals
+    return FINEST_DECIMALS if most is None else min(most, FINEST_DECIMALS)

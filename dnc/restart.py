@@ -6,17 +6,19 @@ naming the nearest block before it that can be restored.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dnc.errors import InputRejected
-from dnc.preamble import SPLINES, Heights, modal_blocks, preamble_blocks, unit_code
-from planner.gcode import SyntaxProblem, read_block, value_text
+from dnc.preamble import SPLINES, Heights, Spelling, preamble_blocks, unit_code
+from planner.gcode import GROUP_OF, Block, ModalGroup, SyntaxProblem, code_of, read_block, value_text
 from sim.interpreter import canon
 from sim.interpreter.mapping import mapping_of
 from sim.interpreter.run import Interpreter, interpret
 from sim.interpreter.settings import Settings
 from sim.interpreter.state import INCH_MM, State
+
+_GEOMETRY = frozenset({"X", "Y", "Z", "PO"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +37,9 @@ class RestartPoint:
     preamble: tuple[str, ...]
     is_inch: bool
 
-    @property
-    def unit_mm(self) -> float:
-        """The unit of the program here, mm."""
-        return INCH_MM if self.is_inch else 1.0
+    def spelling(self, heights: Heights) -> Spelling:
+        """How numbers are written here."""
+        return Spelling(INCH_MM if self.is_inch else 1.0, heights.decimals)
 
     @property
     def unit_code(self) -> str:
@@ -82,7 +83,7 @@ def clear_points(data: bytes, heights: Heights, settings: Settings | None = None
     used = settings or Settings()
     was_clear = False
     for place in _places(data, settings):
-        is_clear = _is_clear(place, heights, used)
+        is_clear = _is_clear(place, heights, used) and _obstacle_at(data, place) is None
         if is_clear and not was_clear:
             yield _restart(data, place, heights, settings)
         was_clear = is_clear
@@ -90,7 +91,7 @@ def clear_points(data: bytes, heights: Heights, settings: Settings | None = None
 
 def _is_clear(place: _Place, heights: Heights, settings: Settings) -> bool:
     state = place.state
-    if not state.tool or state.motion != "G0" or place.obstacle is not None:
+    if not state.tool or state.motion != "G0":
         return False
     height_mm = mapping_of(state, settings, is_suppressed=False).inverse_point(state.position_mm)[2]
     return heights.is_clear(height_mm)
@@ -102,7 +103,7 @@ def last_safe_line(data: bytes, line: int, settings: Settings | None = None) -> 
     for place in _places(data, settings):
         if place.line > line:
             break
-        if place.obstacle is None and place.state.tool:
+        if place.state.tool and _obstacle_at(data, place) is None:
             safe = place.line
     return safe
 
@@ -117,14 +118,34 @@ def _unreachable(what: str, data: bytes, settings: Settings | None) -> InputReje
 
 
 def _restart(data: bytes, place: _Place, heights: Heights, settings: Settings | None) -> RestartPoint:
-    state = place.state
-    if place.obstacle is not None:
+    state, obstacle = place.state, _obstacle_at(data, place)
+    if obstacle is not None:
         safe = last_safe_line(data, place.line, settings)
         remedy = f"restart at line {safe}" if safe is not None else "run the program from its start"
-        raise InputRejected(f"line {place.line}: {place.obstacle}", remedy=remedy)
+        raise InputRejected(f"line {place.line}: {obstacle}", remedy=remedy)
     parameters = [f"R{number}={value_text(value)}" for number, value in sorted(place.parameters.items())]
     preamble = (*parameters, *preamble_blocks(state, heights, settings or Settings()))
     return RestartPoint(place.line, place.number, place.offset_bytes, state.position_mm, preamble, state.is_inch)
+
+
+def _obstacle_at(data: bytes, place: _Place) -> str | None:
+    """Why no restart can begin at this place: what stands before it, or a first move that takes up a direction."""
+    if place.obstacle is not None:
+        return place.obstacle
+    motion, start = place.state.motion, place.state.spline_start
+    offset = place.offset_bytes
+    while offset < len(data):
+        stop = data.find(b"\n", offset) + 1 or len(data)
+        block = _read(data[offset:stop])
+        offset = stop
+        codes = {GROUP_OF.get(code): code for code in map(code_of, block.words if block else ()) if code}
+        motion = codes.get(ModalGroup.MOTION, motion)
+        start = codes.get(ModalGroup.SPLINE_START, start)
+        if block and ModalGroup.FRAME not in codes and any(word.address in _GEOMETRY for word in block.words):
+            break
+    if motion == "CT" or (motion in ("ASPLINE", "CSPLINE") and start == "BTAN"):
+        return f"{motion} takes its direction from the move before"
+    return None
 
 
 def _obstacle(interpreter: Interpreter) -> str | None:
@@ -136,11 +157,9 @@ def _obstacle(interpreter: Interpreter) -> str | None:
         return "variables are defined by DEF, which the preamble does not restore"
     if state.motion in SPLINES:
         return f"{state.motion} is running, and the curve depends on blocks before"
-    if state.motion == "CT":
-        return "CT takes its direction from the block before"
     if state.compensation != "G40":
         return f"{state.compensation} is active, and its contour depends on blocks before"
-    if modal_blocks(state) is None:
+    if not state.frame.is_identity_matrix:
         return "a frame turns, scales or mirrors, which the preamble cannot restore"
     return None
 
@@ -154,17 +173,27 @@ def _places(data: bytes, settings: Settings | None) -> Iterator[_Place]:
         if state.is_ended:
             return
         parameters = dict(interpreter.variables.r)
-        yield _Place(line, _number(raw, line), offset, state, parameters, _obstacle(interpreter))
+        yield _Place(line, _number(raw), offset, state, parameters, _obstacle(interpreter))
         interpreter.block(raw.rstrip(b"\r\n"), line)
         offset += len(raw)
 
 
-def _lines(data: bytes) -> Iterable[bytes]:
-    return data.splitlines(keepends=True)
+def _lines(data: bytes) -> Iterator[bytes]:
+    """Lines with their ends, as the control takes them: LF ends a block."""
+    start = 0
+    while start < len(data):
+        stop = data.find(b"\n", start) + 1 or len(data)
+        yield data[start:stop]
+        start = stop
 
 
-def _number(raw: bytes, line: int) -> int | None:
+def _number(raw: bytes) -> int | None:
+    block = _read(raw)
+    return None if block is None else block.number
+
+
+def _read(raw: bytes) -> Block | None:
     try:
-        return read_block(raw.decode("latin-1"), line).number
+        return read_block(raw.decode("latin-1"))
     except SyntaxProblem:
         return None

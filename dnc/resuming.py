@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from dnc.control_side import settings_of
+from dnc.control_side import decimals_of, settings_of
 from dnc.errors import InputRejected, JournalMismatch, OperatorAbort, PortUnavailable
 from dnc.joblist import PastJob, past_jobs
 from dnc.places import state_folder
@@ -182,6 +182,7 @@ def _heights(state: State, profile: MachineProfile) -> Heights:
         plunge_mm_min=state.plunge_mm_min,
         dwell_s=state.spindle_dwell_s,
         retract_z_mm=profile.control.retract_z_mm,
+        decimals=decimals_of(profile),
     )
 
 

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from dnc.errors import InputRejected
-from dnc.preamble import Heights, height_text, retract_blocks
+from dnc.preamble import Heights, retract_blocks
 from dnc.restart import RestartPoint, clear_points
 from sim.interpreter.settings import Settings
 
@@ -74,6 +74,7 @@ def _opening(data: bytes, begin: RestartPoint | None, number: int) -> tuple[byte
 
 def _closing(heights: Heights, end: RestartPoint) -> bytes:
     """How a part ends: up, coolant and spindle off, away, end."""
-    up = f"G0 Z{height_text(heights.safe_z_mm, end.unit_mm)}"
-    blocks = [f"G40 {end.unit_code} G90", up, "M9", "M5", *retract_blocks(heights, end.unit_mm), "M30"]
+    spelling = end.spelling(heights)
+    up = f"G0 Z{spelling.height(heights.safe_z_mm)}"
+    blocks = [f"G40 {end.unit_code} G90", up, "M9", "M5", *retract_blocks(heights, spelling), "M30"]
     return "".join(f"{block}\n" for block in blocks).encode("ascii")

@@ -85,14 +85,14 @@ def feed_in_air(track: Track) -> Iterator[Finding]:
 
 
 def not_checked(line: int) -> Iterator[Finding]:
-    """The check of motions ends here: the frame after an alarm is unknown."""
+    """The check of motions ends here: too much was refused."""
     yield Finding(
         "not-checked",
         Severity.WARNING,
         line,
         1,
         "motions after this alarm were not checked",
-        "the state cannot be carried past it, or too many blocks were refused before",
+        "too many blocks were refused before",
         "mend it and check again",
     )
 

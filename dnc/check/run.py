@@ -32,7 +32,6 @@ from dnc.check.track import Track
 from dnc.check.word_rules import BLOCK_RULES, IDLE_CODES, NUMBER_RULES, idle_words, iso_comment
 from dnc.control_side import settings_of
 from dnc.errors import InputRejected
-from dnc.preamble import resumed_interpreter
 from planner.files import program_chunks
 from planner.gcode import Block, SyntaxProblem, read_block
 from planner.post.stamp import read_stamp
@@ -222,10 +221,11 @@ class Check:
         self.track.forget(is_readiness_lost=self._readies_here)
         if self._alarms == _MOST_ALARMS:
             self._interpreter = None
-        else:
-            self._interpreter = resumed_interpreter(self._interpreter, self._settings)
-        if self._interpreter is None:
             self.found.add(not_checked(alarm.line))
+        else:
+            fresh = Interpreter(self._settings)
+            fresh.go_on_from(self._interpreter)
+            self._interpreter = fresh
 
     def _time(self, command: canon.Command) -> None:
         time_ns = whole_ns(move_time_s(command, self.limits, self.track.length_mm))

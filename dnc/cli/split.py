@@ -28,7 +28,7 @@ def command(
     program: Path, output: Path, job: Path, most_bytes: int | None, machine: str, retract_z: float | None, as_json: bool
 ) -> int:
     """Cut PROGRAM where the tool stands clear; each part restores tool, spindle, frames and modes, and ends itself."""
-    from dnc.control_side import settings_of
+    from dnc.control_side import decimals_of, settings_of
     from dnc.preamble import Heights
     from dnc.profile import load_profile, profile_path
     from dnc.split import split_program
@@ -44,6 +44,7 @@ def command(
         plunge_mm_min=operation.plunge_mm_min,
         dwell_s=operation.spindle_dwell_s,
         retract_z_mm=profile.control.retract_z_mm if retract_z is None else retract_z,
+        decimals=decimals_of(profile),
     )
     settings = settings_of(
         profile, tool_radii_mm=loaded.tool_radii_mm, subprogram_folder=program.parent, is_drip_fed=False

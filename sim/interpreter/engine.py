@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import fields
 
 from planner.gcode import Block, SyntaxProblem, read_block
 from planner.gcode.statement import Define, Procedure, Return
@@ -78,7 +79,10 @@ class Interpreter:
         return bool(self._main.opened or self._main.sections) or self._main.search is not None
 
     def go_on_from(self, other: Interpreter) -> None:
-        """Take over the variables and the open structures that another interpreter left."""
+        """Take over the state, the variables and the open structures that another interpreter left."""
+        for one in fields(State):
+            setattr(self._state, one.name, getattr(other._state, one.name))
+        self._state.is_ended = False
         self._variables.r, self._variables.globals = other._variables.r, other._variables.globals
         self._main.opened = other._main.opened
 

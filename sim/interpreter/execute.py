@@ -13,7 +13,7 @@ from planner.gcode import Block, ModalGroup, Name, Text, Word
 from sim.interpreter import canon
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.frame_words import program_frame, program_limits
-from sim.interpreter.mode_words import set_feed, set_modes
+from sim.interpreter.mode_words import remember, set_feed, set_modes
 from sim.interpreter.motion_words import Mover
 from sim.interpreter.outlet import Outlet
 from sim.interpreter.request import AXES, Request, request_of
@@ -67,6 +67,7 @@ class Executor:
             return NOTHING_LEFT
         calls = self._own_calls(request)
         self._numbered_call(calls, request)
+        remember(request, self._state)
         set_modes(request, self._state, self._outlet)
         set_feed(request, self._state)
         self._tool(request)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from planner.gcode import ModalGroup
+from planner.gcode import ModalGroup, write_word
 from sim.interpreter import canon
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.outlet import Outlet
 from sim.interpreter.request import Request
 from sim.interpreter.state import INCH_MM, State
+from sim.interpreter.vocabulary import IGNORED_CODES
 
 _MODES = {"G60": canon.PathMode.EXACT_STOP, "G64": canon.PathMode.CONTINUOUS, "G641": canon.PathMode.ROUNDING_DISTANCE}
 _PLAIN_MODALS = (
@@ -21,6 +22,27 @@ _PLAIN_MODALS = (
     (ModalGroup.SPLINE_START, "spline_start"),
     (ModalGroup.SPLINE_END, "spline_end"),
 )
+
+
+_PASSING_GROUPS = frozenset({ModalGroup.FIFO, ModalGroup.LANGUAGE})
+_LASTING_WORDS = frozenset({"ADISPOS", "OTOL", "ATOL", "CYCLE832", "SPLINEPATH", "POLYPATH"})
+_GEARS = frozenset(range(40, 46))
+
+
+def remember(request: Request, state: State) -> None:
+    """Words without effect here that last on the control itself: whoever restores the state must write them again."""
+    lasting = {
+        group.name: code
+        for group, (code, _) in request.codes.items()
+        if code in IGNORED_CODES and group not in _PASSING_GROUPS
+    }
+    for number in _GEARS.intersection(request.m_codes):
+        lasting["gear"] = f"M{number}"
+    for word in request.accepted:
+        if word.address in _LASTING_WORDS:
+            lasting[word.address] = write_word(word)
+    if lasting:
+        state.unmodelled = {**state.unmodelled, **lasting}
 
 
 def set_modes(request: Request, state: State, outlet: Outlet) -> None:

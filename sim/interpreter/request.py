@@ -56,6 +56,7 @@ class Request:
     numbers: dict[str, tuple[float, int]] = field(default_factory=dict)
     tool_name: str | None = None
     calls: list[Word] = field(default_factory=list)
+    accepted: list[Word] = field(default_factory=list)
 
     def code(self, group: ModalGroup) -> str | None:
         """The code of this group in the block, or None."""
@@ -81,7 +82,7 @@ class Request:
     def is_bare_move(self) -> bool:
         """Whether the block holds a motion code, G9, dimensions, a feed and what belongs to a curve at most."""
         return (
-            not (self.m_codes or self.calls or self.tool_name)
+            not (self.m_codes or self.calls or self.tool_name or self.accepted)
             and self.codes.keys() <= _CODES_OF_MOVES
             and self.numbers.keys() <= _NUMBERS_OF_MOVES
         )
@@ -142,7 +143,7 @@ def _sort(word: Word, request: Request, variables: Variables, accepted_m: frozen
         indices = tuple(evaluate(index, variables) for index in word.index or ())
         variables.write(address, indices, _word_value(word, variables))
     elif address in IGNORED_ADDRESSES:
-        return
+        request.accepted.append(word)
     else:
         _add_call(word, request)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from sim.interpreter.canon import Motion, Vector
@@ -19,7 +20,8 @@ class State:
     `position_mm` is canonical (work coordinates of the reference offset). `feed` is the F word in the unit of
     `feed_type`; None until one is programmed. `spindle_direction` is +1 (M3), -1 (M4) or 0. `last_motion` is
     the move before, whose end direction CT and BTAN take up. `spline_start` and `spline_end` are group 19 and
-    20. `feed_axes` are the axes of FGROUP, None for all.
+    20. `feed_axes` are the axes of FGROUP, None for all. `unmodelled` are words accepted without effect that last on a
+    real control, as they are written; it is replaced, never changed.
     """
 
     position_mm: Vector
@@ -57,6 +59,7 @@ class State:
     spindle_max_rpm: float = 0.0
     machine_max_rpm: float = math.inf
     last_motion: Motion | None = None
+    unmodelled: Mapping[str, str] = field(default_factory=dict)
     message: str = ""
     is_ended: bool = False
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import random
 
 import msgspec
 import pytest
 
 from dnc.errors import InputRejected
-from dnc.preamble import Heights, modal_blocks, resumed_interpreter
+from dnc.preamble import Heights
 from dnc.restart import restart_at_line, restart_at_number
 from planner.post.base import write_program
 from planner.post.written import ControlLimits
@@ -127,9 +129,6 @@ def test_a_program_in_inches_goes_on_in_inches(is_inch: bool) -> None:
     assert rest[0].feed_mm_min == 254.0
     modes = [one for one in commands[:before] if isinstance(one, canon.SetPathMode)]
     assert modes[-1].tolerance_mm == pytest.approx(0.254)
-    resumed = resumed_interpreter(Interpreter(settings), settings)
-    assert resumed is not None
-    assert resumed.state.is_inch == is_inch
 
 
 def test_without_a_changer_the_operator_is_told_the_tool() -> None:
@@ -207,8 +206,145 @@ def test_resumed_interpreter_goes_on_like_the_first() -> None:
     first = Interpreter()
     for number, text in enumerate(head.splitlines(), 1):
         first.block(text.encode(), number)
-    second = resumed_interpreter(first, Settings())
-    assert second is not None
+    second = Interpreter()
+    second.go_on_from(first)
     for number, text in enumerate(tail.splitlines(), 1):
         assert second.block(text.encode(), number) == first.block(text.encode(), number)
-    assert modal_blocks(first.state) == modal_blocks(second.state)
+    assert first.state == second.state
+
+
+def preamble_at(head: str, text: str, settings: Settings | None = None, heights: Heights = HEIGHTS) -> tuple[str, ...]:
+    """The preamble at the first block of `text` behind `head`."""
+    return restart_at_line((head + text).encode(), head.count("\n") + 1, heights, settings).preamble
+
+
+@pytest.mark.parametrize(
+    ("block", "restored"),
+    [
+        ("T5", "T5"),
+        ("G26 S900", "G26 S900"),
+        ("G25 S50", "G25 S50"),
+        ("G25 X-9 Z-2", "G25 X-9 Z-2"),
+        ("WALIMOF", "G17 G40 G71 G90 G94 G64 BRISK CFC G450 WALIMOF"),
+        ("BNAT EAUTO", "G17 G40 G71 G90 G94 G64 BRISK CFC G450 BNAT EAUTO"),
+        ("ADIS=.7", "ADIS=.7"),
+        ("ATRANS X4", "G59 X4"),
+        ("COMPCAD FFWON", "COMPCAD"),
+        ("CYCLE832(.01,_FINISH,1)", "CYCLE832(.01,_FINISH,1)"),
+        ("OTOL=.5", "OTOL=.5"),
+        ("DYNFINISH", "DYNFINISH"),
+        ("M42", "M42"),
+    ],
+)
+def test_everything_that_lasts_is_restored(block: str, restored: str) -> None:
+    """(6.8) The tool chosen for later, limits, fine offsets, and words for the real control alone."""
+    assert restored not in preamble_at(HEAD, "G1 Z1 F100\nX10\nM30\n")
+    assert restored in preamble_at(HEAD + block + "\n", "G1 Z1 F100\nX10\nM30\n")
+
+
+def test_the_tool_chosen_for_later_is_the_one_that_m6_changes_to() -> None:
+    """(6.8) A restart between T and M6 must not change to the tool before."""
+    data = (HEAD + "G1 Z1 F100\nT7\nX10\nX20\nG0 Z50\nM6\nM30\n").encode()
+    commands, before = run_from(data, restart_at_line(data, HEAD.count("\n") + 4, HEIGHTS))
+    assert [one.number for one in commands[before:] if isinstance(one, canon.ChangeTool)] == [7]
+
+
+def test_the_spindle_is_limited_before_it_turns() -> None:
+    """(6.8)"""
+    blocks = preamble_at(HEAD.replace("S1000", "G26 S800\nS1000"), "G1 Z1 F100\nM30\n")
+    assert blocks.index("G26 S800") < blocks.index("S1000 M3")
+
+
+@pytest.mark.parametrize(
+    ("middle", "words"),
+    [
+        ("@CT X15 Y5\n", "CT takes its direction"),
+        ("@G64\nTRANS X9\nCSPLINE X15 Y5\nX20\n", "CSPLINE takes its direction"),
+        ("BNAT\n@BTAN ASPLINE X15 Y5\nX20\n", "ASPLINE takes its direction"),
+        ("G41\n@G1 X15\nX20\nG40 X30 Y9\n", "G41 is active"),
+    ],
+)
+def test_a_first_move_that_leans_on_the_one_before_is_refused(middle: str, words: str) -> None:
+    """(6.8) Behind the preamble the tool has come straight down: a curve that goes on from there would be another."""
+    text = HEAD + "G1 Z1 F100\nX10\n" + middle
+    line = text.split("@")[0].count("\n") + 1
+    data = (text.replace("@", "") + "G1 Z5\nM30\n").encode()
+    with pytest.raises(InputRejected, match=words):
+        restart_at_line(data, line, HEIGHTS, Settings(tools={2: Tool(1.0)}))
+    free = data.replace(b"BTAN ASPLINE", b"ASPLINE").replace(b"CSPLINE", b"BNAT CSPLINE")
+    if free != data:
+        assert restart_at_line(free, line, HEIGHTS)
+
+
+def test_numbers_have_no_more_decimals_than_the_control_reads() -> None:
+    """(6.8)"""
+    heights = dataclasses.replace(HEIGHTS, decimals=3)
+    blocks = preamble_at(HEAD.replace("X0 Y0", "X1.23456 Y2"), "G1 Z1 F100\nM30\n", heights=heights)
+    assert "G0 X1.235 Y2" in blocks
+
+
+LASTING = [
+    *("G90", "G91", "G17", "G18", "G19", "G54", "G55", "G500", "TRANS X5 Y2", "TRANS", "G58 X3", "G59 Y1"),
+    *("G60", "G64", "G641 ADIS=.3", "G642", "CTOL=.02", "G643", "G94", "G95", "F300", "F=R1+100", "R1=5", "R2=R1*2.5"),
+    *("S1200 M3", "S500", "M4", "M5", "M8", "M7", "M9", "T2", "T1", "M6", "T3 M6", "D0", "D2", "SOFT", "BRISK"),
+    *("FGROUP(X,Y)", "FGROUP()", "G70", "G71", "G700", "G710", "BNAT", "ENAT", "BTAN", "EAUTO"),
+    *("ATRANS X1 Z2", "DRIVE", "CFTCP", "G451"),
+    *("G25 X-900", "G26 X900 Y900", "WALIMOF", "WALIMON", "G25 S50", "G26 S900", "G4 F1", "M0", "ADIS=.7", "COMPCAD"),
+    *("SUPA G0 Z400 D0", "G53 G0 X0", "G74 Z1=0", "ROT RPL=30", "MIRROR X0", "G9 G1 X1 F100", "R3=$AA_IW[X]"),
+    *("BSPLINE X1 Z1", "X2 Z2", "X3 Z1", "X5 Z0", "G1 X7", "CSPLINE X1 Y1", "X4 Y6", "CT X9 Y30", "G41 G1 X5 Y5"),
+    *("X20 Y5", "G40 G1 X30 Y0", "G0 X12", "G0 Z30", "G1 Z-1 F80", "G2 X14 Y9 CR=200", "G3 I5 J0", "Y-7.5", "Z3"),
+    *("POLY PO[X]=(7,1,.5) PO[Z]=(2,.1)", "CIP X8 Y-3 I1=4 J1=9", "G1 X-11 Y4 Z2 F250.5"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_whatever_came_before_the_rest_of_a_program_is_the_same_after_a_restart(seed: int) -> None:
+    """(6.8) Programs by chance: from every line the rest commands what it does in the whole run, or it is refused."""
+    settings = Settings(
+        start_mm=(0.0, 0.0, 500.0),
+        tools={number: Tool(2.0) for number in range(4)},
+        work_offsets_mm={"G54": (10.0, 20.0, 30.0), "G55": (-5.0, 7.0, 2.0)},
+    )
+    lines = _lines_by_chance(random.Random(seed), settings)
+    data = "".join(f"{line}\n" for line in lines).encode()
+    whole = list(interpret(data, settings))
+    restarts = 0
+    for number in range(8, len(lines) + 1):
+        try:
+            point = restart_at_line(data, number, HEIGHTS, settings)
+        except InputRejected:
+            continue
+        commands, before = run_from(data, point, settings)
+        rest = [one for one in whole if one.line >= number]
+        assert not [one for one in commands if isinstance(one, canon.Alarm)], (number, lines)
+        assert len(commands) - before == len(rest), (number, lines)
+        for new, old in zip(commands[before:], rest, strict=True):
+            assert _is_same(new, old), (number, lines, new, old)
+        restarts += 1
+    assert restarts > 0
+
+
+def _lines_by_chance(chance: random.Random, settings: Settings) -> list[str]:
+    """A program of 25 blocks by chance that the control accepts."""
+    lines = ["G17 G90 G71 G94", "G54", "T1 M6", "D1", "S1000 M3", "G0 X0 Y0 Z12", "G1 Z1 F100"]
+    while len(lines) < 32:
+        tried = [*lines, chance.choice(LASTING)]
+        text = "".join(f"{line}\n" for line in [*tried, "M30"])
+        is_short_spline = "SPLINE" in tried[-1]
+        if is_short_spline:
+            text = text.replace("M30", "X51\nX52\nX53\nX54\nM30")
+        if not any(isinstance(one, canon.Alarm) for one in interpret(text.encode(), settings)):
+            lines = [*tried, "X51", "X52", "X53", "X54"] if is_short_spline else tried
+    return [*lines, "M30"]
+
+
+def _is_same(one: object, other: object) -> bool:
+    """Equal but for line, block, and what a sixth decimal of an inch leaves."""
+    if isinstance(one, canon.Command) and isinstance(other, canon.Command):
+        names = [name for name in one.__struct_fields__ if name not in ("line", "block")]
+        return type(one) is type(other) and all(_is_same(getattr(one, name), getattr(other, name)) for name in names)
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_is_same, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=3e-5, abs_tol=3e-5)
+    return one == other

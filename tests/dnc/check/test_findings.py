@@ -79,7 +79,7 @@ EXAMPLES: dict[Row, str] = {
     ("alarm", "error"): part("X9 F250\nX=1/0\n"),
     ("stamp-control", "error"): stamped("CONTROL=fanuc-30i REFERENCE=tip R=4 T=2 D=1 TOLERANCE=0.001"),
     ("stamp-reference", "error"): stamped("CONTROL=sinumerik-840d REFERENCE=centre R=4 T=2 D=1 TOLERANCE=0.001"),
-    ("not-checked", "warning"): part("X9 F250\nROT RPL=30\nX20 Q1\nX30\n"),
+    ("not-checked", "warning"): part("X9 F250\n" + 101 * "X20 Q1\n"),
 }
 COMPANIONS = {
     "no-feed": {"feed-in-air"},
