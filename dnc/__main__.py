@@ -1,5 +1,18 @@
-"""Lets `python -m dnc` be the dnc command."""
+"""The dnc command; while its parts are loaded an interrupt ends it as it ends any program, without a word."""
 
-from dnc.cli.main import run
+import signal
 
-run()
+
+def run() -> None:
+    """Load the commands and run one."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from dnc.cli.main import run as run_command
+
+    signal.signal(signal.SIGINT, before)
+    run_command()
+
+
+if __name__ == "__main__":
+    run()
