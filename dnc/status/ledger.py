@@ -124,6 +124,10 @@ class Ledger:
         is_available = silence_s is not None and silence_s < self.trust.lost_s and not self._is_mismatch
         problem = self._problem(now_s, silence_s)
         readings = {name: self._reading(name, now_s, problem) for name in self.registers}
+        if is_available and all(reading.quality is Quality.BAD for reading in readings.values()):
+            is_available = False
+            why = next((reading.problem for reading in readings.values()), "the profile names no register")
+            problem = f"the device answers, but with no value that the profile names ({why})"
         return MachineStatus(is_available, problem, readings, self.polls, self.failures, self.reconnects)
 
     def _problem(self, now_s: float, silence_s: float | None) -> str:

@@ -137,7 +137,11 @@ class StatusMonitor:
                 code = answer.exception_code
                 refused |= dict.fromkeys(places, f"exception {code}, {EXCEPTIONS.get(code, 'unknown')}")
                 continue
-            values = answer.bits if request.function in (1, 2) else answer.registers
+            is_bits = request.function in (1, 2)
+            values = answer.bits if is_bits else answer.registers
+            if len(values) != (-(-request.count // 8) * 8 if is_bits else request.count):
+                refused |= dict.fromkeys(places, "the answer has another length than was asked for")
+                continue
             image |= {place: int(value) for place, value in zip(places, values, strict=False)}
         return image, refused
 

@@ -25,10 +25,14 @@ def status_report(machine: dict[str, Any], job: JobReading | None) -> dict[str, 
 
 
 def status_lines(report: dict[str, Any]) -> list[str]:
-    """The report as a table: what, value, age, quality; anything from outside is shown harmless."""
+    """The report as a table: what, value, age, quality; anything from outside is shown harmless.
+
+    Where there is no value at all the head says why, once.
+    """
     machine = report["machine"]
     lines = [f"machine  {machine['availability']}  {machine['host']}:{machine['port']}  {machine['problem']}".rstrip()]
-    for name, reading in machine["values"].items():
+    has_values = any(reading["value"] is not None for reading in machine["values"].values())
+    for name, reading in machine["values"].items() if has_values else ():
         age = "-" if reading["age_s"] is None else f"{reading['age_s']:.1f} s"
         value = "-" if reading["value"] is None else harmless(str(reading["value"]))
         lines.append(f"  {name:<26} {value:>20}  {age:>8}  {reading['quality']:<5} {reading['problem']}".rstrip())

@@ -13,6 +13,7 @@ from dnc.profile import Modbus
 from dnc.status import monitor as monitor_module
 from dnc.status.ledger import MachineStatus, Quality
 from dnc.status.monitor import StatusMonitor, WriteRefused, modbus_of
+from dnc.status.text import status_lines
 from sim.control import Execution, Mode
 from sim.endpoint_modbus import ModbusEnd
 from sim.panel import Panel
@@ -86,6 +87,35 @@ async def test_a_silent_device_is_seen_within_two_seconds() -> None:
     async with server, watching(server.sockets[0].getsockname()[1]) as monitor:
         await until(monitor, lambda status: "no answer" in status.problem, 2.0)
         assert not monitor.status().is_available
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        (lambda asked: asked, "another length than was asked for"),
+        (lambda asked: asked[:4] + b"\0\3" + asked[6:7] + bytes([asked[7] | 0x80, 2]), "exception 2, illegal address"),
+    ],
+    ids=["echo", "refuses"],
+)
+async def test_a_device_that_answers_nonsense_has_no_values(answer: Callable[[bytes], bytes], why: str) -> None:
+    """(2.1, M4): an echo was read as twelve inputs that are off, the chain of the emergency stop among them."""
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(ConnectionError):
+            while asked := await reader.read(300):
+                writer.write(answer(asked))
+        writer.close()
+
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    async with server, watching(server.sockets[0].getsockname()[1]) as monitor:
+        await until(monitor, lambda status: why in status.readings["execution"].problem, 2.0)
+        status = monitor.status()
+        assert not status.is_available
+        assert why in status.problem
+        assert all(reading.value is None for reading in status.readings.values())
+        lines = status_lines({"machine": monitor.report(), "job": None})
+    assert len(lines) == 2
+    assert why in lines[0]
 
 
 async def test_another_mode_program_or_an_empty_buffer_shows() -> None:
