@@ -85,11 +85,26 @@ class Refiner:
         return self.measured(uv)
 
     def _peak(self, uv: Floats, across: Floats, width: Floats) -> tuple[Floats, Floats]:
-        """(places, signed heights) of the peak of each line uv + x across, |x| <= width, or of its higher end."""
-        low, high = -width, width.copy()
-        at_low, slope_low = self._slopes(uv + low[:, None] * across, across)
-        at_high, slope_high = self._slopes(uv + high[:, None] * across, across)
-        is_open = (slope_low > 0) & (slope_high < 0) & np.isfinite(at_low + at_high)
+        """(places, signed heights) of the peak of each line uv + x across that is nearest uphill, |x| <= width.
+
+        Where the slope turns nowhere between, it is the higher end.
+        """
+        at, slope = self._slopes(uv, across)
+        rises = slope >= 0
+        outer = np.where(rises, width, -width)
+        at_outer, slope_outer = self._slopes(uv + outer[:, None] * across, across)
+        best, top = np.where(at_outer > at, outer, 0.0), np.fmax(at, at_outer)
+        for _ in range(6):
+            k = np.flatnonzero(~_is_turned(rises, slope_outer) & (top < np.inf))
+            if not len(k):
+                break
+            outer[k] /= 4
+            at_outer[k], slope_outer[k] = self._slopes(uv[k] + outer[k, None] * across[k], across[k])
+        is_open = _is_turned(rises, slope_outer) & (slope != 0) & np.isfinite(at + at_outer)
+        zero = np.zeros(len(uv))
+        low, high = np.where(rises, zero, outer), np.where(rises, outer, zero)
+        at_low, at_high = np.where(rises, at, at_outer), np.where(rises, at_outer, at)
+        slope_low, slope_high = np.where(rises, slope, slope_outer), np.where(rises, slope_outer, slope)
         for turn in range(16):
             k = np.flatnonzero(is_open & (high - low > 1e-7))
             if not len(k):
@@ -98,24 +113,28 @@ class Refiner:
             if turn % 2 == 0:
                 x = self._predicted(low[k], high[k], at_low[k], at_high[k], slope_low[k], slope_high[k])
             at, slope = self._slopes(uv[k] + x[:, None] * across[k], across[k])
+            is_higher = at > top[k]
+            best[k[is_higher]], top[k[is_higher]] = x[is_higher], at[is_higher]
             up, down = k[slope > 0], k[slope <= 0]
             low[up], at_low[up], slope_low[up] = x[slope > 0], at[slope > 0], slope[slope > 0]
             high[down], at_high[down], slope_high[down] = x[slope <= 0], at[slope <= 0], slope[slope <= 0]
-        best = np.where(at_low >= at_high, low, high)
-        return self.patch.clipped(uv + best[:, None] * across), np.maximum(at_low, at_high)
+        return self.patch.clipped(uv + best[:, None] * across), top
 
     def _predicted(
         self, low: Floats, high: Floats, at_low: Floats, at_high: Floats, slope_low: Floats, slope_high: Floats
     ) -> Floats:
-        """Where the peak must be: two cuts of the cutter's bend meet in a cusp, else the slope falls evenly to zero."""
+        """Where the peak must be: two cuts of the cutter's bend meet in a cusp, else the slope falls evenly to zero.
+
+        What a sharp edge cuts is straight on both sides of a cusp or of a groove.
+        """
         tool, length = self.probes.tool, high - low
-        bend = self.sign / (tool.corner_mm + tool.flat_mm)
+        bend = self.sign / (tool.corner_mm + tool.flat_mm) if tool.corner_mm > 0 else 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             cusp = (at_low - at_high + slope_high * length - bend * length**2 / 2) / (
                 slope_high - slope_low - bend * length
             )
         even = slope_low / (slope_low - slope_high) * length
-        is_cusp = (cusp > 0) & (cusp < length) & (self.sign > 0)
+        is_cusp = (cusp > 0) & (cusp < length) & ((self.sign > 0) | (tool.corner_mm == 0))
         return np.asarray(low + np.where(is_cusp, cusp, even))
 
     def _slopes(self, uv: Floats, across: Floats) -> tuple[Floats, Floats]:
@@ -128,3 +147,8 @@ class Refiner:
             toward = across[:, :1] * frames.along_u + across[:, 1:] * frames.along_v
             slope = -np.einsum("ij,ij->i", spoke, toward) / np.einsum("ij,ij->i", spoke, frames.normals)
         return self.sign * found.height_mm, np.asarray(self.sign * slope)
+
+
+def _is_turned(rises: Flags, slope: Floats) -> Flags:
+    """Whether a slope goes the other way than the one that rose, or fell, at the begin."""
+    return np.asarray(np.where(rises, slope < 0, slope > 0))

@@ -1,8 +1,8 @@
 """Where the highest scallops and the deepest gouges may be, so that few places need an exact search.
 
-Scallops: between two neighbouring probes cut by different passes the two cuts meet in a cusp, estimated by a parabola
-from each side. Gouges: the cutter's foot on the design, estimated for begin and middle of every piece of the way.
-Estimates only choose places; every figure that is reported is measured there anew.
+Scallops: between two neighbouring probes cut by different passes the two cuts meet in a cusp, its place estimated by a
+parabola from each side and probed there: a third pass may run between. Gouges: the cutter's foot on the design, for
+begin and middle of every piece of the way and its end. Seeds only choose places; every figure is measured anew.
 """
 
 from __future__ import annotations
@@ -11,9 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from sim.grid import Net
+from sim.nominal_patch import Frames
 from sim.probe import Heights, Probes
+from sim.tool import Tool
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,7 +41,7 @@ def cusp_seeds(net: Net, found: Heights, probes: Probes, is_counted: Flags, limi
     heights = found.height_mm.reshape(n, m)
     usable = is_counted & np.isfinite(heights)
     i, j = np.nonzero(_summits(np.where(is_counted, heights, -np.inf)) & usable)
-    uv, expected, cells = [_uv(net, i, j, i, j, 0.0)], [heights[i, j]], [_block(i, j)]
+    places, cells = [_uv(net, i, j, i, j, 0.0)], [_block(i, j)]
     piece = found.piece.reshape(n, m)
     spokes = probes.spokes(found, _cut(net, found)).reshape(n, m, 3)
     centres = probes.centres(found).reshape(n, m, 3)
@@ -46,13 +49,17 @@ def cusp_seeds(net: Net, found: Heights, probes: Probes, is_counted: Flags, limi
     for down, right in ((1, 0), (0, 1)):
         is_other = np.abs(piece[: n - down, : m - right] - piece[down:, right:]) > 1
         a, b = np.nonzero(is_other & usable[: n - down, : m - right] & usable[down:, right:])
-        share, height = _cusps(net, heights, spokes, centres, ways, (a, b), (a + down, b + right), radius_mm)
-        at = np.flatnonzero(np.isfinite(height))
+        share = _cusps(net, heights, spokes, centres, ways, (a, b), (a + down, b + right), radius_mm)
+        at = np.flatnonzero(np.isfinite(share))
         a, b = a[at], b[at]
-        uv.append(_uv(net, a, b, a + down, b + right, share[at]))
-        expected.append(height[at])
+        places.append(_uv(net, a, b, a + down, b + right, share[at]))
         cells.append(_block(a, b))
-    return _thinned(np.concatenate(uv), np.concatenate(expected), np.concatenate(cells), limit)
+    uv = np.concatenate(places)
+    frames = net.patch.frames(uv)
+    reached = probes.measure(frames.points, frames.normals).height_mm
+    reached = np.where(np.isfinite(reached), reached, -np.inf)
+    kept = _highest(reached, np.concatenate(cells), limit)
+    return Seeds(uv[kept], reached[kept])
 
 
 def pit_seeds(net: Net, found: Heights, probes: Probes, limit: int) -> Seeds:
@@ -60,29 +67,48 @@ def pit_seeds(net: Net, found: Heights, probes: Probes, limit: int) -> Seeds:
     n, m = net.area_mm2.shape
     heights = found.height_mm.reshape(n, m)
     i, j = np.nonzero(_summits(-heights) & (heights < 0))
-    uv, expected, cells = [_uv(net, i, j, i, j, 0.0)], [-heights[i, j]], [_block(i, j)]
-    pieces = probes.sweep.coefficients
-    if len(pieces):
-        powers = np.array([0.0, 0.5])[:, None] ** np.arange(4)
-        ways = np.einsum("sk,nkx->nsx", powers, pieces).reshape(-1, 3)
-        near = np.repeat(_probe_near(found.piece, len(pieces)), 2)
-        i, j = np.divmod(near, m)
-        feet, gap = _feet(net, near, _core(net, near, ways, probes.tool.flat_mm))
-        uv.append(feet)
-        expected.append(probes.tool.corner_mm - gap)
-        cells.append(_block(i, j))
-    seeds = _thinned(np.concatenate(uv), np.concatenate(expected), np.concatenate(cells), limit)
-    return Seeds(seeds.uv, -seeds.expected_mm)
+    probed, expected, cells = _uv(net, i, j, i, j, 0.0), -heights[i, j], _block(i, j)
+    powers = np.array([0.0, 0.5])[:, None] ** np.arange(4)
+    ways = np.einsum("sk,nkx->nsx", powers, probes.sweep.coefficients).reshape(-1, 3)
+    ways = np.concatenate([ways, probes.sweep.ends[-1:]])
+    if not len(ways):
+        kept = _highest(expected, cells, limit)
+        return Seeds(probed[kept], -expected[kept])
+    near = _nodes_near(net, found.piece, ways, probes.tool)
+    i, j = np.divmod(near, m)
+    feet, depth = _feet(net, net.frames.rows(near), _uv(net, i, j, i, j, 0.0), ways, probes.tool)
+    uv, expected = np.concatenate([probed, feet]), np.concatenate([expected, depth])
+    kept = _highest(expected, np.concatenate([cells, _block(i, j)]), limit)
+    uv, way = uv[kept], kept - len(probed)
+    for _ in range(4):
+        k = np.flatnonzero(way >= 0)
+        uv[k], _ = _feet(net, net.patch.frames(uv[k]), uv[k], ways[way[k]], probes.tool)
+    return Seeds(uv, -expected[kept])
 
 
-def _probe_near(owner: Ints, count: int) -> Ints:
-    """For every piece, a probe that it cut, or that the piece next to it in the program cut: where its foot may be."""
-    owners, probes = np.unique(owner, return_index=True)
-    owners, probes = (owners[1:], probes[1:]) if len(owners) > 1 and owners[0] < 0 else (owners, probes)
-    right = np.clip(np.searchsorted(owners, np.arange(count)), 0, len(owners) - 1)
+def _nodes_near(net: Net, owner: Ints, ways: Floats, tool: Tool) -> Ints:
+    """For begin and middle of every piece of the way, and its end, a node of the net where the foot may be.
+
+    It is a node that the piece cut, or that a piece next to it in the program cut; where that is out of the cutter's
+    reach, the nearest of a coarse net.
+    """
+    unique = np.unique(owner, return_index=True)
+    begin = 1 if len(unique[0]) > 1 and unique[0][0] < 0 else 0
+    owners, nodes = (np.asarray(each)[begin:] for each in unique)
+    pieces = np.arange(len(ways)) // 2
+    right = np.clip(np.searchsorted(owners, pieces), 0, len(owners) - 1)
     left = np.maximum(right - 1, 0)
-    is_left = np.arange(count) - owners[left] < owners[right] - np.arange(count)
-    return np.asarray(probes[np.where(is_left, left, right)])
+    chosen = np.where(pieces - owners[left] < owners[right] - pieces, left, right)
+    near: Ints = nodes[chosen]
+    radius_mm = tool.corner_mm + tool.flat_mm
+    far = np.flatnonzero(~(np.linalg.norm(ways - net.frames.points[near], axis=1) < 1.5 * radius_mm))
+    stride = max(1, int(radius_mm / (4 * net.pitch_mm)))
+    coarse: Ints = np.arange(net.area_mm2.size).reshape(net.area_mm2.shape)[::stride, ::stride].reshape(-1)
+    coarse = coarse[np.isfinite(net.frames.points[coarse]).all(axis=1)]
+    distance, which = cKDTree(net.frames.points[coarse]).query(ways[far], distance_upper_bound=2 * radius_mm)
+    is_within = np.isfinite(distance)
+    near[far[is_within]] = coarse[np.asarray(which)[is_within]]
+    return near
 
 
 def _cusps(
@@ -94,8 +120,8 @@ def _cusps(
     one: tuple[Ints, Ints],
     two: tuple[Ints, Ints],
     radius: float,
-) -> tuple[Floats, Floats]:
-    """(share of the way from probe one to two, height) where the cuts of two passes cross; -inf where they do not."""
+) -> Floats:
+    """Share of the way from probe one to two at which the cuts of two passes cross; nan where they do not."""
     step = net.points[two] - net.points[one]
     length = np.linalg.norm(step, axis=1)
     toward = step / length[:, None]
@@ -104,11 +130,10 @@ def _cusps(
     with np.errstate(divide="ignore", invalid="ignore"):
         at = heights[one] - heights[two] + slope_two * length - bend * length**2 / 2
         at = at / (slope_two - slope_one - bend * length)
-        height = heights[one] + slope_one * at + bend * at**2 / 2
         is_peak = (at > 0) & (at < length) & (slope_one + bend * at > 0) & (slope_two + bend * (at - length) < 0)
     apart = np.linalg.norm(np.cross(centres[two] - centres[one], ways[one]), axis=1)
     is_peak &= apart > 0.25 * length * np.linalg.norm(ways[one], axis=1)
-    return at / length, np.where(is_peak, height, -np.inf)
+    return np.where(is_peak, at / length, np.nan)
 
 
 def _cut(net: Net, found: Heights) -> Floats:
@@ -126,20 +151,21 @@ def _slope(net: Net, spokes: Floats, at: tuple[Ints, Ints], toward: Floats) -> F
         return np.asarray(-np.einsum("ij,ij->i", spoke, toward) / facing)
 
 
-def _core(net: Net, near: Ints, ways: Floats, flat_mm: float) -> Floats:
-    """Places of the way moved to that point of the flat end's rim which faces the design near a probe."""
-    normals = net.normals.reshape(-1, 3)[near]
-    level = np.hypot(normals[:, 0], normals[:, 1])
-    share = np.where(level > 1e-9, flat_mm / np.where(level > 1e-9, level, 1.0), 0.0)
-    return ways - share[:, None] * normals * (1.0, 1.0, 0.0)
+def _feet(net: Net, start: Frames, uv: Floats, ways: Floats, tool: Tool) -> tuple[Floats, Floats]:
+    """(uv, depth) of the design points nearest to the cutter at places of its way, one step from frames at `uv`.
 
-
-def _feet(net: Net, near: Ints, ways: Floats) -> tuple[Floats, Floats]:
-    """Parameters of the design points nearest to places of the way, one step from a probe, and their distance."""
-    start = net.frames.rows(near)
-    i, j = np.divmod(near, len(net.v))
-    uv = net.patch.clipped(_uv(net, i, j, i, j, 0.0) + start.parameters_of(ways - start.points))
-    return uv, np.linalg.norm(ways - net.patch.points(uv), axis=1)
+    Of a flat end that point of the rim counts which faces the design. Depth is how far the edge reaches below the
+    design, - above it; past the border of the patch, into its border.
+    """
+    level = np.hypot(start.normals[:, 0], start.normals[:, 1])
+    share = np.where(level > 1e-9, tool.flat_mm / np.where(level > 1e-9, level, 1.0), 0.0)
+    core = ways - share[:, None] * start.normals * (1.0, 1.0, 0.0)
+    asked = uv + start.parameters_of(core - start.points)
+    feet = net.patch.clipped(asked)
+    away = core - net.patch.points(feet) - net.patch.offset_mm * start.normals
+    gap = np.linalg.norm(away, axis=1)
+    is_below = (feet == asked).all(axis=1) & (np.einsum("ij,ij->i", away, start.normals) < 0)
+    return feet, tool.corner_mm - np.where(is_below, -gap, gap)
 
 
 def _summits(heights: Floats) -> Flags:
@@ -164,9 +190,8 @@ def _block(i: Ints, j: Ints) -> Ints:
     return np.asarray((i // 8) * (1 << 32) + j // 8)
 
 
-def _thinned(uv: Floats, expected: Floats, cells: Ints, limit: int) -> Seeds:
-    """The highest seed of every block, the highest `limit` of these."""
+def _highest(expected: Floats, cells: Ints, limit: int) -> Ints:
+    """The highest place of every block, the highest `limit` of these."""
     order = np.argsort(-expected, kind="stable")
     _, first = np.unique(cells[order], return_index=True)
-    kept = order[np.sort(first)][:limit]
-    return Seeds(uv[kept], expected[kept])
+    return np.asarray(order[np.sort(first)][:limit])

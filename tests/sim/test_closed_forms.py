@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.deviation import Verdict, judge
-from sim.interpreter.canon import Arc, Line, Motion, Polynomial
+from sim.interpreter.canon import Arc, Line, Motion, Polynomial, Rapid
 from sim.nominal import Nominal
 from sim.tool import BallTool, BluntTool, Tool
 from tests.sim.surfaces import cylinder, nominal_of, plane, sphere_cap
@@ -144,6 +144,40 @@ def test_a_missing_pass_is_found_and_located() -> None:
     assert verdict.scallops[0].position_mm[1] == pytest.approx(5.0, abs=1e-4)
 
 
+@pytest.mark.parametrize("pitch_mm", [0.07, 0.1, 0.2, 0.4])
+def test_the_widest_of_uneven_gaps_is_found(pitch_mm: float) -> None:
+    """(3.1, 3.2) Lines not quite parallel, 0.41 to 0.49 mm apart; a cusp of two gaps between two probes is none."""
+    shifts = np.random.default_rng(3).uniform(-0.02, 0.02, (60, 2))
+    y = np.arange(60)[:, None] * 0.45 - 3.0 + shifts
+    motions: list[Motion] = [Line(k + 1, None, (0.0, a, R), (20.0, b, R), 250.0) for k, (a, b) in enumerate(y.tolist())]
+    verdict = judged(nominal_of(plane(size=20.0)), motions, pitch_mm)
+    lean = np.cos(np.arctan(np.diff(y, axis=1)[:, 0] / 20.0))[:, None]
+    half = np.diff(y, axis=0) * lean[1:] * lean[:-1] / (lean[1:] + lean[:-1])
+    widest = half[((y[:-1] > 0.0) & (y[1:] < 20.0)).all(axis=1)].max()
+    assert verdict.scallop_mm == pytest.approx(R - math.sqrt(R * R - widest**2), abs=1e-8)
+
+
+def plunged(tool: Tool, motions: list[Motion], low: tuple[float, float, float]) -> list[Motion]:
+    """The motions, then through the air to above a place, and down to it, where the program ends."""
+    end, high = motions[-1].end, 30.0
+    above = [(end[0], end[1], high), (low[0], low[1], high)]
+    return [*motions, Rapid(800, 1, end, above[0]), Rapid(801, 2, *above), Line(900, 9, above[1], low, 100.0)]
+
+
+@pytest.mark.parametrize("pitch_mm", [0.07, 0.1, 0.2])
+def test_a_plunge_smaller_than_the_probe_grid_is_found(pitch_mm: float) -> None:
+    """(3.1, 3.2) 1 um deep, 0.05 mm wide, far from the pass before it, and the last move of the program."""
+    ball, pick = BallTool(0.3), 0.1
+    motions: list[Motion] = [
+        Line(k + 5, None, (-6.0, k * pick, 0.3), (11.0, k * pick, 0.3), 250.0) for k in range(-9, 60)
+    ]
+    motions = plunged(ball, motions, (2.13, 3.05, 0.299))
+    verdict = judge(nominal_of(plane(size=5.0)), ball, motions, reference="centre", probe_pitch_mm=pitch_mm)
+    assert verdict.gouge_mm == pytest.approx(0.001, abs=1e-8)
+    assert verdict.gouges[0].line == 900
+    assert verdict.gouges[0].position_mm == pytest.approx((2.13, 3.05, 0.0), abs=1e-3)
+
+
 def test_a_plunge_leaves_the_ball() -> None:
     """A single vertical move: at distance x from its axis the hole's floor is R - sqrt(R^2 - x^2) above the deepest."""
     motions: list[Motion] = [Line(1, None, (5.0, 5.0, 30.0), (5.0, 5.0, R - 1.0), 100.0)]
@@ -202,6 +236,26 @@ def test_flat_on_an_inclined_plane() -> None:
     verdict = judge(surface, tool, touching(tool, pick, slope), reference="centre", probe_pitch_mm=0.1)
     assert verdict.scallop_mm == pytest.approx(pick * math.sin(math.atan(slope)), abs=1e-5)
     assert verdict.gouge_mm == pytest.approx(0.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("pitch_mm", [0.07, 0.1, 0.2])
+@pytest.mark.parametrize("slope", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("tool", [BluntTool(1.5, 2.5), BluntTool(0.0, 4.0)], ids=["bull", "flat"])
+def test_a_low_pass_and_a_plunge_of_a_flat_end_are_found_on_a_slope(
+    tool: BluntTool, slope: float, pitch_mm: float
+) -> None:
+    """(3.1, 3.2) A sharp edge 1 um too low makes a groove 2 um wide, between all probes."""
+    surface, good = nominal_of(plane(size=5.0, slope_y=slope)), touching(tool, 0.5, slope)
+    down = 0.001 * np.array([0.0, -slope, 1.0]) / math.hypot(slope, 1.0)
+    low: list[Motion] = [
+        Line(900, 9, tuple(each.start - down), tuple(each.end - down), 250.0) if k == 14 else each
+        for k, each in enumerate(good)
+    ]
+    at = np.array([1.13, *good[14].start[1:]]) - down + 0.23 * np.array([0.0, 1.0, slope])
+    for motions in (low, plunged(tool, good, tuple(at))):
+        verdict = judge(surface, tool, motions, reference="centre", probe_pitch_mm=pitch_mm)
+        assert verdict.gouge_mm == pytest.approx(0.001, abs=1e-8)
+        assert verdict.gouges[0].line == 900
 
 
 @pytest.mark.parametrize("tool", [BluntTool(1.5, 2.5), BluntTool(0.0, 4.0)], ids=["bull", "flat"])
