@@ -21,18 +21,20 @@ from sim.interpreter.targets import Target, absolute, path_feed
 
 def arc_motion(code: str, target: Target, request: Request, state: State, settings: Settings) -> canon.Arc | None:
     """The arc a block asks for; None where its three points, or tangent and end, lie on a line."""
-    feed = path_feed(request, state)
+    feed, near_mm = path_feed(request, state, settings), settings.same_place_mm
     end: Vector = target.end
     shape: moves.ArcShape | None
     if code == "CT":
-        shape = moves.arc_tangent(target.start, end, _programmed_tangent(target.mapping, state), state.plane_axes)
+        shape = moves.arc_tangent(
+            target.start, end, _programmed_tangent(target.mapping, state), state.plane_axes, near_mm
+        )
     elif code == "CIP":
-        if norm(subtract(end, target.start)) < moves.SAME_PLACE_MM:
+        if norm(subtract(end, target.start)) < near_mm:
             text = "CIP ends where it starts, which leaves its plane open; two arcs make a full circle"
             raise ControlAlarm(AlarmNumber.CIRCLE, text)
         shape = moves.arc_through(target.start, _middle(target, request, state), end)
     else:
-        end, shape = _circle(code == "G2", target, request, state, settings.arc_tolerance_mm)
+        end, shape = _circle(code == "G2", target, request, state, settings)
     turns = request.take("TURN") or 0.0
     if not 0 <= turns <= 999 or turns != int(turns):
         raise ControlAlarm(AlarmNumber.CIRCLE, "TURN takes whole turns from 0 to 999")
@@ -78,11 +80,12 @@ def _programmed_tangent(mapping: Mapping, state: State) -> Vector:
 
 
 def _circle(
-    is_clockwise: bool, target: Target, request: Request, state: State, tolerance: float
+    is_clockwise: bool, target: Target, request: Request, state: State, settings: Settings
 ) -> tuple[Vector, moves.ArcShape]:
     """End and shape of G2 or G3 by I J K, CR= or AR=."""
     plane = state.plane_axes
     start, end = target.start, target.end
+    tolerance_mm, near_mm = settings.arc_tolerance_mm, settings.same_place_mm
     factor = INCH_MM if state.is_inch else 1.0
     radius, angle_deg = request.take("CR"), request.take("AR")
     centre = _centre(start, factor, request, state)
@@ -91,19 +94,19 @@ def _circle(
     if radius is not None and (centre is not None or angle_deg is not None):
         raise ControlAlarm(AlarmNumber.CIRCLE, "the arc has CR= beside another centre; one of them is expected")
     if radius is not None:
-        centre = moves.centre_from_radius(start, end, radius * factor, plane, is_clockwise, tolerance)
+        centre = moves.centre_from_radius(start, end, radius * factor, plane, is_clockwise, tolerance_mm, near_mm)
     elif angle_deg is not None and centre is not None:
         angle = math.radians(angle_deg)
-        if not 0 < angle_deg < 360 or any(abs(end[i] - start[i]) > moves.SAME_PLACE_MM for i in plane[:2]):
+        if not 0 < angle_deg < 360 or any(abs(end[i] - start[i]) > near_mm for i in plane[:2]):
             text = "AR= with a centre takes an angle above 0 and below 360 and no end point"
             raise ControlAlarm(AlarmNumber.CIRCLE, text)
         turned = list(moves.turned_about(start, centre, -angle if is_clockwise else angle, plane))
         turned[plane[2]] = end[plane[2]]
         end = (turned[0], turned[1], turned[2])
     elif angle_deg is not None:
-        centre = moves.centre_from_angle(start, end, math.radians(angle_deg), plane, is_clockwise)
+        centre = moves.centre_from_angle(start, end, math.radians(angle_deg), plane, is_clockwise, near_mm)
     assert centre is not None
-    return end, moves.arc_about(start, end, centre, plane, is_clockwise, tolerance)
+    return end, moves.arc_about(start, end, centre, plane, is_clockwise, tolerance_mm, near_mm)
 
 
 def _centre(start: Vector, factor: float, request: Request, state: State) -> Vector | None:

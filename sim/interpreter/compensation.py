@@ -14,23 +14,26 @@ from msgspec.structs import replace
 
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.canon import Arc, Line, Motion, Polynomial, Rapid, Vector
-from sim.interpreter.feeds import SHORTEST_MM
 from sim.interpreter.frames import add, cross, dot, norm, scaled, subtract
 from sim.interpreter.outlet import Slot
 from sim.interpreter.tangents import end_tangent, start_tangent, unit
 
-_STRAIGHT = 1e-9
 _SHARPEST_MITRE = -0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """Where the tool runs: `normal` of the plane (unit), `offset_mm` > 0 to the left of travel, < 0 to the right."""
+    """Where the tool runs: `normal` of the plane (unit), `offset_mm` > 0 to the left of travel, < 0 to the right.
+
+    Places nearer than `same_place_mm` are one, a turn of less than `straight_rad` is none.
+    """
 
     normal: Vector
     offset_mm: float
     corner: str
     feed_correction: str
+    same_place_mm: float
+    straight_rad: float = 1e-9
 
     def flat(self, a: Vector) -> Vector:
         """The part of a vector in the plane."""
@@ -92,7 +95,7 @@ class Compensator:
         if isinstance(motion, Arc | Polynomial):
             raise ControlAlarm(AlarmNumber.COMPENSATION, "G40 ends with a straight move; G0 or G1 is expected")
         self.close()
-        slot.commands = _straight(motion, self._place, motion.end)
+        slot.commands = self._straight(motion, self._place, motion.end)
 
     def close(self) -> None:
         """The contour ends square to its last element."""
@@ -118,7 +121,7 @@ class Compensator:
 
     def _give_lift(self, motion: Motion, slot: Slot) -> None:
         height = dot(subtract(motion.end, self._place), self.side.normal)
-        slot.commands = _straight(motion, self._place, add(self._place, scaled(self.side.normal, height)))
+        slot.commands = self._straight(motion, self._place, add(self._place, scaled(self.side.normal, height)))
         self._place = add(self._place, scaled(self.side.normal, height))
 
     def _join(self, first: Element, second: Element) -> None:
@@ -130,8 +133,8 @@ class Compensator:
             return
         turn = dot(cross(first.arriving, second.leaving), self.side.normal)
         ahead = dot(first.arriving, second.leaving)
-        is_outer = turn * self.side.offset_mm < 0 or (abs(turn) < _STRAIGHT and ahead < 0)
-        is_smooth = abs(turn) < _STRAIGHT and ahead > 0
+        is_outer = turn * self.side.offset_mm < 0 or (abs(turn) < self.side.straight_rad and ahead < 0)
+        is_smooth = abs(turn) < self.side.straight_rad and ahead > 0
         is_mitred = self.side.corner == "G451" and ahead > _SHARPEST_MITRE and _are_lines(first, second)
         if is_smooth or (is_outer and not is_mitred):
             self._finish(first, self._square_end(first))
@@ -159,7 +162,7 @@ class Compensator:
         motion = second.motion
         if isinstance(motion, Rapid):
             second.before.append(Rapid(motion.line, motion.block, start, end))
-        elif sweep > _STRAIGHT:
+        elif sweep > side.straight_rad:
             second.before.append(Arc(motion.line, motion.block, start, end, corner, axis, sweep, motion.feed_mm_min))
         second.start = self._place = end
 
@@ -170,11 +173,19 @@ class Compensator:
         if isinstance(motion, Arc):
             moved = self._offset_arc(element, motion, end)
         else:
-            if not element.is_approach and dot(subtract(end, element.start), element.leaving) < -SHORTEST_MM:
+            if not element.is_approach and dot(subtract(end, element.start), element.leaving) < -side.same_place_mm:
                 raise _too_small()
-            moved = _straight(motion, element.start, end)
+            moved = self._straight(motion, element.start, end)
         element.slot.commands = [*element.before, *moved]
         self._place = end
+
+    def _straight(self, motion: Motion, start: Vector, end: Vector) -> list[Motion]:
+        """The straight move from start to end in place of `motion`; nothing where the two are one."""
+        if norm(subtract(end, start)) < self.side.same_place_mm:
+            return []
+        if isinstance(motion, Rapid):
+            return [replace(motion, start=start, end=end)]
+        return [Line(motion.line, motion.block, start, end, motion.feed_mm_min)]
 
     def _offset_arc(self, element: Element, arc: Arc, end: Vector) -> list[Motion]:
         side = self.side
@@ -195,7 +206,7 @@ class Compensator:
     def _arc_radius(self, arc: Arc) -> float:
         inward = math.copysign(1.0, dot(arc.axis, self.side.normal)) * self.side.offset_mm
         radius = norm(self.side.flat(subtract(arc.start, arc.centre))) - inward
-        if radius <= SHORTEST_MM:
+        if radius <= self.side.same_place_mm:
             raise ControlAlarm(
                 AlarmNumber.COMPENSATION, "the arc's radius is not above the tool's; a smaller tool is expected"
             )
@@ -230,7 +241,7 @@ class Compensator:
         a, b = self._arc_radius(first), self._arc_radius(second)
         between = self.side.flat(subtract(second.centre, first.centre))
         distance = norm(between)
-        if distance < SHORTEST_MM:
+        if distance < self.side.same_place_mm:
             return []
         along = scaled(between, 1.0 / distance)
         foot = (distance**2 + a**2 - b**2) / (2 * distance)
@@ -243,15 +254,6 @@ class Compensator:
 
 def _are_lines(first: Element, second: Element) -> bool:
     return not isinstance(first.motion, Arc) and not isinstance(second.motion, Arc)
-
-
-def _straight(motion: Motion, start: Vector, end: Vector) -> list[Motion]:
-    """The straight move from start to end in place of `motion`; nothing where the two are one."""
-    if norm(subtract(end, start)) < SHORTEST_MM:
-        return []
-    if isinstance(motion, Rapid):
-        return [replace(motion, start=start, end=end)]
-    return [Line(motion.line, motion.block, start, end, motion.feed_mm_min)]
 
 
 def _too_small() -> ControlAlarm:

@@ -9,19 +9,18 @@ from itertools import pairwise
 
 from sim.interpreter.canon import Vector
 
-SHORTEST_MM = 1e-9
-
 
 @dataclass(frozen=True, slots=True)
 class PathFeed:
     """mm/min along the path, or 1/min where `is_inverse_time` (the whole move takes 1/value minutes).
 
-    `axes` are those of FGROUP, None for all.
+    `axes` are those of FGROUP, None for all; they stand still where they move by less than `same_place_mm`.
     """
 
     value: float
     is_inverse_time: bool
-    axes: tuple[int, ...] | None = None
+    axes: tuple[int, ...] | None
+    same_place_mm: float
 
     @property
     def depends_on_path(self) -> bool:
@@ -40,7 +39,7 @@ class PathFeed:
             return self.value * (chords_mm if length_mm is None else length_mm)
         assert self.axes is not None
         group_mm = _length(points, self.axes)
-        return self.value if group_mm < SHORTEST_MM else self.value * chords_mm / group_mm
+        return self.value if group_mm < self.same_place_mm else self.value * chords_mm / group_mm
 
 
 def _length(points: Sequence[Vector], axes: tuple[int, ...]) -> float:

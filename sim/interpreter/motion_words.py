@@ -64,7 +64,7 @@ class Mover:
         elif motion in ("G2", "G3", "CIP", "CT"):
             self._arc(motion, target, request)
         elif motion == "POLY":
-            curve = polynomial_motion(target, request, state, self._settings.poly_degree)
+            curve = polynomial_motion(target, request, state, self._settings)
             if curve is not None:
                 self.path.give(curve)
         elif motion in SPLINE_CODES:
@@ -97,7 +97,7 @@ class Mover:
         state = self._state
         request.polynomials.clear()
         start, end = state.position_mm, target.canonical
-        feed = path_feed(request, state)
+        feed = path_feed(request, state, self._settings)
         if end != start:
             speed = feed.along((start, end))
             self.path.give(canon.Line(request.block.line, request.block.number, start, end, speed))

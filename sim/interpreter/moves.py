@@ -11,7 +11,6 @@ from sim.interpreter.canon import Vector
 from sim.interpreter.frames import add, cross, dot, norm, scaled, subtract
 
 Plane = tuple[int, int, int]
-SAME_PLACE_MM = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +28,13 @@ def unit_axis(index: int, sign: float = 1.0) -> Vector:
 
 
 def arc_about(
-    start: Vector, end: Vector, centre: Vector, plane: Plane, is_clockwise: bool, tolerance_mm: float
+    start: Vector,
+    end: Vector,
+    centre: Vector,
+    plane: Plane,
+    is_clockwise: bool,
+    tolerance_mm: float,
+    same_place_mm: float,
 ) -> ArcShape:
     """The arc from start to end about a centre given by I, J, K; start = end is a full circle.
 
@@ -40,14 +45,14 @@ def arc_about(
     at_start = (start[u] - centre[u], start[v] - centre[v])
     at_end = (end[u] - centre[u], end[v] - centre[v])
     radius, radius_end = math.hypot(*at_start), math.hypot(*at_end)
-    if radius < SAME_PLACE_MM:
+    if radius < same_place_mm:
         raise ControlAlarm(AlarmNumber.CIRCLE, "the arc has radius 0; a centre off the start is expected")
     if abs(radius - radius_end) > tolerance_mm:
         text = f"the arc does not close: radius {radius:.4f} at its start, {radius_end:.4f} at its end"
         raise ControlAlarm(AlarmNumber.CIRCLE, text)
     chord = (end[u] - start[u], end[v] - start[v])
     length = math.hypot(*chord)
-    if length > SAME_PLACE_MM and radius != radius_end:
+    if length > same_place_mm and radius != radius_end:
         shift = (at_start[0] + at_end[0]) * chord[0] / 2 + (at_start[1] + at_end[1]) * chord[1] / 2
         moved = [centre[u] + shift * chord[0] / length**2, centre[v] + shift * chord[1] / length**2]
         at_start = (start[u] - moved[0], start[v] - moved[1])
@@ -55,7 +60,7 @@ def arc_about(
     else:
         moved = [centre[u], centre[v]]
     sweep = 2 * math.pi
-    if length > SAME_PLACE_MM:
+    if length > same_place_mm:
         turn = math.atan2(
             at_start[0] * at_end[1] - at_start[1] * at_end[0], at_start[0] * at_end[0] + at_start[1] * at_end[1]
         )
@@ -66,13 +71,19 @@ def arc_about(
 
 
 def centre_from_radius(
-    start: Vector, end: Vector, radius_mm: float, plane: Plane, is_clockwise: bool, tolerance_mm: float
+    start: Vector,
+    end: Vector,
+    radius_mm: float,
+    plane: Plane,
+    is_clockwise: bool,
+    tolerance_mm: float,
+    same_place_mm: float,
 ) -> Vector:
     """The centre for CR=: sweep up to 180 degrees where positive, beyond where negative."""
     u, v, w = plane
     du, dv = end[u] - start[u], end[v] - start[v]
     chord = math.hypot(du, dv)
-    if chord < SAME_PLACE_MM:
+    if chord < same_place_mm:
         raise ControlAlarm(AlarmNumber.CIRCLE, "CR needs an end off the start; I, J, K are expected for a full circle")
     rise = radius_mm**2 - chord**2 / 4
     if abs(radius_mm) + tolerance_mm < chord / 2:
@@ -87,15 +98,17 @@ def centre_from_radius(
     return (placed[0], placed[1], placed[2])
 
 
-def centre_from_angle(start: Vector, end: Vector, angle_rad: float, plane: Plane, is_clockwise: bool) -> Vector:
+def centre_from_angle(
+    start: Vector, end: Vector, angle_rad: float, plane: Plane, is_clockwise: bool, same_place_mm: float
+) -> Vector:
     """The centre for AR= with an end point: the arc turns through `angle_rad`."""
     u, v, _ = plane
     chord = math.hypot(end[u] - start[u], end[v] - start[v])
-    if not 0 < angle_rad < 2 * math.pi or chord < SAME_PLACE_MM:
+    if not 0 < angle_rad < 2 * math.pi or chord < same_place_mm:
         raise ControlAlarm(AlarmNumber.CIRCLE, "AR needs an angle above 0 and below 360 and an end off the start")
     radius = chord / (2 * math.sin(angle_rad / 2))
     signed = -radius if angle_rad > math.pi else radius
-    return centre_from_radius(start, end, signed, plane, is_clockwise, 1e-6 * radius)
+    return centre_from_radius(start, end, signed, plane, is_clockwise, 1e-6 * radius, same_place_mm)
 
 
 def turned_about(point: Vector, centre: Vector, angle_rad: float, plane: Plane) -> Vector:
@@ -122,14 +135,14 @@ def arc_through(start: Vector, middle: Vector, end: Vector) -> ArcShape | None:
     return ArcShape(centre, axis, _sweep_about(start, end, centre, axis))
 
 
-def arc_tangent(start: Vector, end: Vector, tangent: Vector, plane: Plane) -> ArcShape | None:
+def arc_tangent(start: Vector, end: Vector, tangent: Vector, plane: Plane, same_place_mm: float) -> ArcShape | None:
     """CT: the arc in the plane that leaves start along `tangent`; None where the end lies straight ahead."""
     u, v, w = plane
     tu, tv = tangent[u], tangent[v]
     size = math.hypot(tu, tv)
     du, dv = end[u] - start[u], end[v] - start[v]
     chord = math.hypot(du, dv)
-    if size < 1e-9 or chord < SAME_PLACE_MM:
+    if size < 1e-9 or chord < same_place_mm:
         raise ControlAlarm(AlarmNumber.CIRCLE, "CT needs a tangent in the plane and an end off the start")
     side = (tu * dv - tv * du) / (size * chord)
     if abs(side) < 1e-9:
@@ -140,7 +153,7 @@ def arc_tangent(start: Vector, end: Vector, tangent: Vector, plane: Plane) -> Ar
     placed = [0.0, 0.0, 0.0]
     placed[u], placed[v], placed[w] = start[u] - radius * tv / size, start[v] + radius * tu / size, start[w]
     centre = (placed[0], placed[1], placed[2])
-    return arc_about(start, end, centre, plane, side < 0, 1e-6 * abs(radius))
+    return arc_about(start, end, centre, plane, side < 0, 1e-6 * abs(radius), same_place_mm)
 
 
 def _sweep_about(start: Vector, end: Vector, centre: Vector, axis: Vector) -> float:

@@ -61,7 +61,7 @@ class Path:
             raise ControlAlarm(
                 AlarmNumber.COMPENSATION, "splines are not compensated; G40 with a straight move is expected"
             )
-        feed = path_feed(request, state)
+        feed = path_feed(request, state, self._settings)
         request.polynomials.clear()
         if self._spline is not None and self._spline.code != code:
             self.finish_spline(None)
@@ -108,7 +108,13 @@ class Path:
         normal = frame.direction(moves.unit_axis(state.plane_axes[2]))
         scale = norm(normal)
         sign = 1.0 if state.compensation == "G41" else -1.0
-        return Side(scaled(normal, frame.handedness / scale), sign * radius, state.corner, state.feed_correction)
+        return Side(
+            scaled(normal, frame.handedness / scale),
+            sign * radius,
+            state.corner,
+            state.feed_correction,
+            self._settings.same_place_mm,
+        )
 
     def _check_area(self, motion: canon.Motion) -> None:
         state = self._state
@@ -126,7 +132,7 @@ class Path:
         if code == "BSPLINE":
             return BSplineBuilder(state.position_mm, state.spline_degree, self._settings.knot_rule)
         builder = AkimaBuilder if code == "ASPLINE" else CubicBuilder
-        return builder(state.position_mm, state.spline_start, state.tangent)
+        return builder(state.position_mm, state.spline_start, state.tangent, self._settings.same_place_mm)
 
     def _of_degree(self, spline: SplineBuilder, request: Request) -> SplineBuilder:
         """SD before or in the first block of a B-spline; it cannot change inside."""

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.interpreter.request import LARGEST
+
 _OTHER, _BLANK, _END, _LETTER, _DIGIT, _SIGN, _POINT = range(7)
 _LETTERS = b"NGXYZF"
-_LARGEST = 1e9
 _LONGEST = 500
 _LARGEST_NUMBER = 999_999_999
 
@@ -155,4 +156,4 @@ def _check_values(
     is_plain &= missing[:, 0] | (values[:, 0] <= _LARGEST_NUMBER)
     is_plain &= missing[:, 1] | (values[:, 1] == 1.0)
     is_plain &= missing[:, 5] | (values[:, 5] > 0.0)
-    is_plain &= (missing[:, 2:] | (np.abs(values[:, 2:]) <= _LARGEST)).all(axis=1)
+    is_plain &= (missing[:, 2:] | (np.abs(values[:, 2:]) <= LARGEST)).all(axis=1)

@@ -7,21 +7,22 @@ from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.canon import Vector
 from sim.interpreter.frames import add, scaled
 from sim.interpreter.request import Request
+from sim.interpreter.settings import Settings
 from sim.interpreter.state import INCH_MM, State
 from sim.interpreter.targets import Target, path_feed
 
 
-def polynomial_motion(target: Target, request: Request, state: State, most_degree: int) -> canon.Polynomial | None:
-    """The polynomial a block asks for, of at most this degree; None where it stays in its start."""
+def polynomial_motion(target: Target, request: Request, state: State, settings: Settings) -> canon.Polynomial | None:
+    """The polynomial a block asks for; None where it stays in its start."""
     degree = max((len(values) for values in request.polynomials.values()), default=1)
-    if degree > most_degree:
-        text = f"the polynomial has degree {degree}; this control reads degree {most_degree} at most"
+    if degree > settings.poly_degree:
+        text = f"the polynomial has degree {degree}; this control reads degree {settings.poly_degree} at most"
         raise ControlAlarm(AlarmNumber.POLYNOMIAL, text)
     length = request.take("PL")
     length = 1.0 if length is None else length
     if length <= 0:
         raise ControlAlarm(AlarmNumber.POLYNOMIAL, f"PL={length:g} is no interval; a value above 0 is expected")
-    feed = path_feed(request, state)
+    feed = path_feed(request, state, settings)
     factor = INCH_MM if state.is_inch else 1.0
     denominator = _denominator(request.polynomials.pop(None, None), length)
     weight = sum(term * length**power for power, term in enumerate(denominator))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from sim.interpreter import canon
 from sim.interpreter.canon import Vector
-from sim.interpreter.feeds import SHORTEST_MM, PathFeed
+from sim.interpreter.feeds import PathFeed
 from sim.interpreter.frames import norm, scaled, subtract
 from sim.interpreter.moves import curve_points
 from sim.interpreter.outlet import Slot
@@ -71,8 +71,11 @@ class SplineBuilder(ABC):
 class ThroughPointsBuilder(SplineBuilder):
     """What ASPLINE and CSPLINE share: points joined by cubics whose parameter is the chord length."""
 
-    def __init__(self, code: str, start: Vector, start_condition: str, tangent: Vector | None) -> None:
+    def __init__(
+        self, code: str, start: Vector, start_condition: str, tangent: Vector | None, same_place_mm: float
+    ) -> None:
         super().__init__(code, start)
+        self._same_place_mm = same_place_mm
         self.start_condition: Vector | str = _condition(start_condition[1:], tangent)
         self._places = [start]
         self._points: list[SplinePoint] = []
@@ -83,7 +86,7 @@ class ThroughPointsBuilder(SplineBuilder):
         """A point to pass through; one that repeats the last is passed over."""
         by = subtract(point.place, self._places[-1])
         chord = norm(by)
-        if chord < SHORTEST_MM:
+        if chord < self._same_place_mm:
             point.slot.commands = []
             return
         self._places.append(point.place)
@@ -108,8 +111,8 @@ class ThroughPointsBuilder(SplineBuilder):
 class AkimaBuilder(ThroughPointsBuilder):
     """ASPLINE: the derivative at a point depends on two points on either side."""
 
-    def __init__(self, start: Vector, start_condition: str, tangent: Vector | None) -> None:
-        super().__init__("ASPLINE", start, start_condition, tangent)
+    def __init__(self, start: Vector, start_condition: str, tangent: Vector | None, same_place_mm: float) -> None:
+        super().__init__("ASPLINE", start, start_condition, tangent, same_place_mm)
         self._before: tuple[Vector, Vector] | None = None
         self._leaving: Vector | None = None
 
@@ -175,8 +178,8 @@ class AkimaBuilder(ThroughPointsBuilder):
 class CubicBuilder(ThroughPointsBuilder):
     """CSPLINE: the C2 cubic; solved over a window long enough that what lies beyond it does not count."""
 
-    def __init__(self, start: Vector, start_condition: str, tangent: Vector | None) -> None:
-        super().__init__("CSPLINE", start, start_condition, tangent)
+    def __init__(self, start: Vector, start_condition: str, tangent: Vector | None, same_place_mm: float) -> None:
+        super().__init__("CSPLINE", start, start_condition, tangent, same_place_mm)
 
     def _grow(self) -> None:
         if len(self._slopes) < 3 * _C2_REACH:

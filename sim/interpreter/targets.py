@@ -40,19 +40,19 @@ def target_of(request: Request, state: State, settings: Settings) -> Target:
     return Target(mapping, start, end, canonical)
 
 
-def path_feed(request: Request, state: State) -> PathFeed:
+def path_feed(request: Request, state: State, settings: Settings) -> PathFeed:
     """The feed of this block; ControlAlarm where none is in force."""
     if state.feed is None:
         text = "a feed move without feed; F is expected in this block or before"
         raise ControlAlarm(AlarmNumber.NO_FEED, text, request.column_of(ModalGroup.MOTION))
     if state.feed_type == "G93":
-        return PathFeed(state.feed, True)
+        return PathFeed(state.feed, True, None, settings.same_place_mm)
     value = state.feed * (INCH_MM if state.is_feed_inch else 1.0)
     if state.feed_type == "G95":
         if not state.spindle_direction or state.limited_rpm == 0.0:
             raise ControlAlarm(AlarmNumber.NO_SPINDLE, "G95 feeds by turns of a spindle that stands; M3 is expected")
         value *= state.limited_rpm
-    return PathFeed(value, False, state.feed_axes)
+    return PathFeed(value, False, state.feed_axes, settings.same_place_mm)
 
 
 def absolute(coordinate: Coordinate, start: float, factor: float, state: State) -> float:
