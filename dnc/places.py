@@ -22,6 +22,11 @@ def config_folder() -> Path:
     return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "dnc"
 
 
+def system_config_folder() -> Path:
+    """The first of `$XDG_CONFIG_DIRS` with `dnc` in it, by default /etc/xdg/dnc: settings for all users."""
+    return Path((os.environ.get("XDG_CONFIG_DIRS") or "/etc/xdg").split(":")[0]) / "dnc"
+
+
 def user_machines() -> Path:
     """Where the user's own machine profiles lie; one of the same name as a shipped one goes before it."""
     return config_folder() / "machines"

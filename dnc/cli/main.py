@@ -46,6 +46,19 @@ class _Commands(click.Group):
         assert isinstance(command, click.Command)
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that is to run; what the settings say becomes the default of its options."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if command is not None and name is not None:
+            from dnc.settings import load_settings
+
+            said = load_settings()
+            keys = {param.name: str(param.envvar).removeprefix("DNC_").lower() for param in command.params}
+            ctx.default_map = {name: {one: said[key] for one, key in keys.items() if key in said}}
+        return name, command, rest
+
 
 @click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="dripmill", prog_name="dnc")

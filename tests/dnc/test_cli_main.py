@@ -135,6 +135,33 @@ def test_every_command_knows_the_users_machines(command: str, own_machines: Path
     assert main.run_with([*words[command], "--machine", "mine"]) == ExitCode.OK
 
 
+def test_settings_come_in_their_order(
+    own_machines: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(Interface, section 1) Option, environment, user's file, system's file, default; each key by itself."""
+    monkeypatch.setenv("XDG_CONFIG_DIRS", f"{tmp_path / 'etc'}:/nowhere")
+    monkeypatch.delenv("DNC_MACHINE", raising=False)
+    system, user = tmp_path / "etc/dnc/settings.toml", own_machines.parent / "settings.toml"
+    system.parent.mkdir(parents=True)
+
+    def asked(*words: str) -> str:
+        """The machine that a command looks for; none of these names is known."""
+        assert main.run_with(["check", "part.mpf", *words]) == ExitCode.SETTINGS
+        return capsys.readouterr().err.split("'")[1]
+
+    system.write_text('machine = "of-the-system"\nbaud = 4800\n')
+    assert asked() == "of-the-system"
+    user.write_text('machine = "of-the-user"\n')
+    assert asked() == "of-the-user"
+    monkeypatch.setenv("DNC_MACHINE", "of-the-environment")
+    assert asked() == "of-the-environment"
+    assert asked("--machine", "of-the-option") == "of-the-option"
+    user.write_text('machin = "mine"\n')
+    assert main.run_with(["machines"]) == ExitCode.SETTINGS
+    assert capsys.readouterr().err == f"dnc: {user}:1: unknown key machin; did you mean machine?\n"
+    assert main.run_with(["--help"]) == ExitCode.OK
+
+
 def test_a_broken_profile_hides_no_other(own_machines: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """(2.7)"""
     (own_machines / "worn.toml").write_text("[link\n")

@@ -1,0 +1,34 @@
+"""The settings that a shop writes down once: the user's file, then the system's, each key by itself.
+
+The keys are the options that a `DNC_...` variable can give too; option and variable go before both files.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from dnc.errors import SettingsRejected
+from dnc.places import config_folder, system_config_folder
+from planner import tomlfile
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One file; what it does not say is None."""
+
+    machine: str | None = None
+    baud: int | None = None
+    format: str | None = None
+    modbus: str | None = None
+
+
+def load_settings() -> dict[str, Any]:
+    """What the two files say together; raises SettingsRejected with file and line."""
+    said: dict[str, Any] = {}
+    for folder in (system_config_folder(), config_folder()):
+        path = folder / "settings.toml"
+        if path.exists():
+            found, _ = tomlfile.load(path, Settings, error=SettingsRejected)
+            said |= {key: value for key, value in msgspec.structs.asdict(found).items() if value is not None}
+    return said
