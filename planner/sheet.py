@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.job import Tool
 from planner.path.model import Array, Pass, PlaneSpline
 from planner.path.spans import bezier_points, in_work
 from planner.sketch import Lines, side_view, top_view
@@ -109,6 +110,13 @@ def _extent_rows(facts: SheetFacts) -> list[tuple[str, str]]:
     return [*names, ("Lowest Z", f"{low[2]:.3f} mm"), ("Stock", text)]
 
 
+def sheet_tool(tool: Tool) -> SheetTool:
+    """A tool of the job file in words."""
+    stick_out = "not given" if tool.length_mm is None else f"at least {tool.length_mm:g} mm"
+    words = f"{tool.kind}, diameter {tool.diameter_mm:g} mm, {tool.flutes} flutes, edge D{tool.edge}"
+    return SheetTool(tool.number, words, stick_out)
+
+
 def _warning_box(warnings: tuple[str, ...]) -> str:
     if not warnings:
         return ""
@@ -142,9 +150,6 @@ def _plan_facts(planned: Planned) -> SheetFacts:
     lines = [_points(one, drop_mm) for one in path.passes]
     every = np.concatenate(lines)
     cutting_s = 60.0 * report["cut_length_mm"] / operation.cut_mm_min
-    tool = job.tool_of(operation)
-    stick_out = "not given" if tool.length_mm is None else f"at least {tool.length_mm:g} mm"
-    words = f"{tool.kind}, diameter {tool.diameter_mm:g} mm, {tool.flutes} flutes, edge D{tool.edge}"
     box = job.setup.stock_box_mm
     return SheetFacts(
         title=job.post.name,
@@ -152,7 +157,7 @@ def _plan_facts(planned: Planned) -> SheetFacts:
         reference=f"{job.post.reference} of the ball: tool length measured to the {job.post.reference}",
         work_offset=job.setup.work_offset,
         origin=job.setup.origin,
-        tools=(SheetTool(tool.number, words, stick_out),),
+        tools=(sheet_tool(job.tool_of(operation)),),
         stock_box_mm=None if box is None else (np.array(box[0]), np.array(box[1])),
         low_mm=every.min(axis=0),
         high_mm=every.max(axis=0),

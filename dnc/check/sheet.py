@@ -12,8 +12,9 @@ from dnc.check.finding import Collection, Finding, Severity
 from dnc.check.limits import Limits
 from dnc.check.moves import is_air, length, point_at
 from dnc.check.rate import line_bytes_s, move_time_s
+from planner.job import Job
 from planner.post.stamp import read_stamp
-from planner.sheet import SheetFacts, SheetTool, render_sheet
+from planner.sheet import SheetFacts, SheetTool, render_sheet, sheet_tool
 from sim.interpreter import canon
 
 _MOST_POINTS = 8000
@@ -112,10 +113,12 @@ def program_sheet(
     *,
     need_bytes_s: float,
     machining_s: float | None,
+    job: Job | None = None,
 ) -> str | None:
     """The sheet as HTML, or None where the program cuts nothing; `need_bytes_s` is the worst 2 s at 120 % override.
 
-    Without `machining_s`, the machine's own time for the program, programmed speeds alone are counted.
+    Without `machining_s`, the machine's own time for the program, programmed speeds alone are counted. The job tells
+    zero point and tools.
     """
     lines = watch.lines
     if not lines:
@@ -128,13 +131,14 @@ def program_sheet(
     rate = line_bytes_s(watch.limits.profile.link)
     box = watch.limits.stock_box_mm
     words = f"ball, R {stamp.radius_mm:g}" if stamp else "not said in the program"
+    known = {} if job is None else {tool.number: sheet_tool(tool) for tool in job.tool}
     facts = SheetFacts(
         title=path.name,
         sha256=digest,
         reference=f"{stamp.reference} of the ball" if stamp else "not said in the program",
         work_offset="as in the program",
-        origin="",
-        tools=tuple(SheetTool(number, words, "not given") for number in watch.tools),
+        origin="" if job is None else job.setup.origin,
+        tools=tuple(known.get(number, SheetTool(number, words, "not given")) for number in watch.tools),
         stock_box_mm=None if box is None else (np.array(box[0]), np.array(box[1])),
         low_mm=np.array(watch.low),
         high_mm=np.array(watch.high),

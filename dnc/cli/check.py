@@ -21,7 +21,11 @@ if TYPE_CHECKING:
 @click.command(epilog="Example: dnc check part.mpf --machine sinumerik-840d --job job.toml")
 @click.argument("program", type=click.Path(path_type=Path))
 @click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
-@click.option("--job", type=click.Path(path_type=Path), help="job file: stock box, clearance and tool radii")
+@click.option(
+    "--job",
+    type=click.Path(path_type=Path),
+    help="job file: stock box, clearance, tool radii; zero point and tools of the sheet",
+)
 @click.option("--baud", type=click.IntRange(50, 4_000_000), help="in place of the profile's")
 @click.option("--sheet", type=click.Path(path_type=Path), help="write a setup sheet as HTML")
 @click.option("--json", "as_json", is_flag=True, help="the report as JSON on stdout")
@@ -45,7 +49,7 @@ def command(
     ) as bar:
         done = check_program(program, limits, lambda at: bar.update(at - bar.pos), watch)
     if sheet is not None and watch is not None:
-        _write_sheet(sheet, program, machine, watch, done)
+        _write_sheet(sheet, program, machine, job, watch, done)
     if as_json:
         click.echo(json.dumps({"program": program.name, **done.found.report(), "blocks": done.track.blocks}, indent=1))
     else:
@@ -66,19 +70,23 @@ def _limits(machine: str, job: Path | None, baud: int | None) -> Limits:
     return limits_of(profile, None if job is None else load_job(job))
 
 
-def _write_sheet(sheet: Path, program: Path, machine: str, watch: SheetWatch, done: Check) -> None:
+def _write_sheet(sheet: Path, program: Path, machine: str, job: Path | None, watch: SheetWatch, done: Check) -> None:
     from dnc.check.sheet import program_sheet
     from dnc.planning import machining_clock
     from dnc.profile import profile_path
     from planner.errors import InputRejected
     from planner.files import write_file
+    from planner.job import load_job
 
     machining_s = None
     if not done.found.has_errors:
         clock = machining_clock(profile_path(machine), program.parent, done.limits.tool_radii_mm)
         machining_s = clock(program.read_bytes())
+    planned = None if job is None else load_job(job)
     need_bytes_s, blocks = done.need_bytes_s, done.track.blocks
-    page = program_sheet(program, watch, done.found, blocks, need_bytes_s=need_bytes_s, machining_s=machining_s)
+    page = program_sheet(
+        program, watch, done.found, blocks, need_bytes_s=need_bytes_s, machining_s=machining_s, job=planned
+    )
     if page is None:
         raise InputRejected("cuts nothing, so there is no setup sheet", path=program, remedy="leave --sheet away")
     write_file(sheet, page.encode())

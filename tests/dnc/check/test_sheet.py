@@ -56,3 +56,14 @@ def test_both_sheets_of_one_program_tell_the_same_time(tmp_path: Path) -> None:
     times = [re.findall(r"(?:Cutting|Air) time</th><td>([0-9:]+)", page.read_text()) for page in (planned, checked)]
     assert len(times[0]) == 2
     assert times[0] == times[1]
+
+
+def test_the_job_tells_the_sheet_zero_point_and_tools(tmp_path: Path) -> None:
+    """(2.6) Without it they are not given."""
+    bare, told = tmp_path / "bare.html", tmp_path / "told.html"
+    assert run_with(["check", str(THESIS), "--sheet", str(bare)]) == 3
+    assert run_with(["check", str(THESIS), "--sheet", str(told), "--job", str(shipped_path("jobs", "thesis"))]) == 3
+    assert "ball, diameter 8 mm, 2 flutes, edge D1</td><td>at least 60 mm" in told.read_text()
+    assert "corner of the billet" in told.read_text()
+    assert bare.read_text().count("not given") == 3
+    assert "not given" not in told.read_text()
