@@ -73,8 +73,14 @@ def _unrecorded(journal: Path) -> PastJob:
     except JournalMismatch as problem:
         return PastJob(job, "INTERRUPTED", {**about, "note": str(problem)})
     pid = job.rpartition("-")[2]
-    is_alive = (
-        pid.isdigit() and Path(f"/proc/{pid}").is_dir() and last.state.value not in ("ABORTED", "FAULTED", "SENT")
-    )
+    is_alive = _is_ours(pid) and last.state.value not in ("ABORTED", "FAULTED", "SENT")
     values = {**about, "bytes_sent": last.sent_bytes, "bound_bytes": last.bound_bytes, "state": last.state.value}
     return PastJob(job, "RUNNING" if is_alive else "INTERRUPTED", values)
+
+
+def _is_ours(pid: str) -> bool:
+    """Whether this process lives and is a dnc: after a power cut its number may have gone to another program."""
+    try:
+        return pid.isdigit() and b"dnc" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False

@@ -10,6 +10,7 @@ from pathlib import Path
 from dnc.events import LinkState
 from dnc.locks import LOCK_FOLDER, flock_holder, lock_name, process_words
 
+_PORT_BUS = ("port", "ctrl")
 _STABLE = ("by-id", "by-path")
 
 
@@ -36,8 +37,8 @@ def find_ports(root: Path = Path("/")) -> list[FoundPort]:
     found = []
     for entry in sorted((root / "sys/class/tty").glob("*")):
         hardware = entry / "device"
-        driver = _link_name(hardware / "driver")
-        if driver is None or (driver == "serial8250" and not _has_uart(entry)):
+        driver = _driver_of(hardware)
+        if driver is None or _is_empty_slot(entry, driver):
             continue
         device = root / "dev" / entry.name
         if device.exists():
@@ -73,12 +74,23 @@ def _link_name(link: Path) -> str | None:
         return None
 
 
-def _has_uart(entry: Path) -> bool:
-    """Whether a chip answers at this address: type 0 means that the kernel found none."""
+def _driver_of(hardware: Path) -> str | None:
+    """The driver of the chip; since Linux 6.5 the bus of the ports, with drivers of its own, stands before it."""
+    driver = _link_name(hardware / "driver")
+    with contextlib.suppress(OSError):
+        for folder in hardware.resolve().parents:
+            if driver not in _PORT_BUS:
+                break
+            driver = _link_name(folder / "driver") or driver
+    return driver
+
+
+def _is_empty_slot(entry: Path, driver: str) -> bool:
+    """Whether no chip answers at this address: type 0 means that the kernel found none."""
     try:
-        return (entry / "type").read_text().strip() != "0"
+        return (entry / "type").read_text().strip() == "0"
     except OSError:
-        return False
+        return driver == "serial8250"
 
 
 def _usb_ids(hardware: Path) -> str | None:

@@ -35,8 +35,10 @@ def command(job: str | None, verify: bool, as_json: bool) -> None:
         rows = [{**past.values, "job": past.job, "outcome": past.outcome} for past in jobs]
         click.echo(json.dumps({"schema": "dripmill.jobs", "version": 1, "jobs": rows}, indent=1))
         return
+    if not jobs:
+        click.echo("dnc: no job was sent from here yet", err=True)
     for past in jobs:
         values = past.values
-        label = "SIMULATED " if values.get("simulated") else ""
+        label = "SIMULATED" if values.get("simulated") else ""
         sent = f"{values.get('bytes_sent', '?')}/{values.get('bytes_total', '?')} bytes"
-        click.echo(f"{past.job}  {label}{past.outcome:11} {sent}  {printable(str(values.get('program', '?')))}")
+        click.echo(f"{past.job:30} {label:9} {past.outcome:11} {sent}  {printable(str(values.get('program', '?')))}")

@@ -6,6 +6,8 @@ import fcntl
 import json
 import os
 import pty
+import subprocess
+import sys
 import threading
 import tty
 from pathlib import Path
@@ -78,6 +80,40 @@ def test_ports_with_their_lasting_names(tmp_path: Path) -> None:
     assert port.by_id is not None
     assert port.by_id.endswith("usb-FTDI_A1B2-if00-port0")
     assert port.link is LinkState.CLOSED
+
+
+def test_ports_of_a_new_kernel_and_their_empty_slots(tmp_path: Path) -> None:
+    """(5.5) Since Linux 6.5 a bus of ports stands between chip and port: 32 empty slots looked like ports."""
+    root = computer(tmp_path)
+    for number, kind in enumerate(("4", "0")):
+        slot = root / f"sys/devices/pnp0/00:0{number}/00:0{number}:0/00:0{number}:0.0"
+        slot.mkdir(parents=True)
+        (slot / "driver").symlink_to("/sys/bus/serial-base/drivers/port")
+        (slot.parent / "driver").symlink_to("/sys/bus/serial-base/drivers/ctrl")
+        (slot.parents[1] / "driver").symlink_to("/sys/bus/pnp/drivers/serial")
+        entry = root / f"sys/class/tty/ttyS{number}"
+        entry.mkdir(exist_ok=True)
+        (entry / "device").symlink_to(slot)
+        (entry / "type").write_text(f"{kind}\n")
+        (root / f"dev/ttyS{number}").touch()
+    assert [(Path(port.device).name, port.driver) for port in find_ports(root)] == [
+        ("ttyS0", "serial"),
+        ("ttyUSB0", "ftdi_sio"),
+    ]
+
+
+def test_a_number_that_went_to_another_program_is_no_running_job(tmp_path: Path) -> None:
+    """(5.7) After a power cut --resume was refused for ever: the job was said to be RUNNING."""
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE, cwd="/") as other:
+        folder = tmp_path / f"jobs/20260101T000000.000000-{other.pid}"
+        folder.mkdir(parents=True)
+        journal = Journal(folder / "journal", "ab" * 32, 100, lambda: None)
+        journal.open()
+        journal.note(42, JobState.SENDING)
+        journal.close(42, JobState.SENDING)
+        (past,) = past_jobs(tmp_path)
+        other.kill()
+    assert past.outcome == "INTERRUPTED"
 
 
 def test_a_port_in_use_is_locked(tmp_path: Path) -> None:
