@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from dnc.shipped import shipped_path
+from tests.helpers.schemas import validated
 
 XON, XOFF = 0x11, 0x13
 
@@ -47,7 +48,7 @@ class MillProcess:
         readable, _, _ = select.select([self.process.stdout], [], [], 120.0)
         line = self.process.stdout.readline() if readable else ""
         assert line, self.process.stderr.read() if self.process.stderr else ""
-        self.ready = json.loads(line)
+        self.ready = validated(line)
         return self
 
     def __exit__(self, *_: object) -> None:

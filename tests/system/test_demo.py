@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from dnc.demo_screen import demo_screen
+from tests.helpers.schemas import validated
 
 PATH_MM, SCALLOP_MM, ROUNDING_MM = 0.001, 0.08, 0.0001
 
@@ -17,7 +18,10 @@ PATH_MM, SCALLOP_MM, ROUNDING_MM = 0.001, 0.08, 0.0001
 @pytest.mark.system
 def test_demo_measures_what_was_planned(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dnc", "demo", "--out", str(tmp_path), "--speed", "100", "--json"]
-    report = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    report = validated(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    for part in (report["plan"], report["check"], report["send"], report["mill"], *report["window"].values()):
+        if isinstance(part, dict):
+            validated(json.dumps(part))
     assert report == json.loads((tmp_path / "report.json").read_text())
     measured, plan, mill = report["simulate"], report["plan"], report["mill"]
     assert SCALLOP_MM - 2 * (PATH_MM + ROUNDING_MM) <= measured["scallop_mm"] <= SCALLOP_MM

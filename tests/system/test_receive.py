@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from tests.helpers.schemas import validated
+
 WHOLE = b"%\r\nO1234 (PART)\r\nG1 X1\r\nM30\r\n%\r\n"
 BEGUN = b"%\r\nO77\r\nG1 X2\r\nM"
 
@@ -23,13 +25,13 @@ class Punch:
         tty.setraw(slave)
         name = os.ttyname(slave)
         words = [sys.executable, "-m", "dnc", "receive", "--port", name, "-o", str(folder), "--send-xon", *options]
-        self.child = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
+        self.child = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert os.read(self.end, 1) == b"\x11"
         os.close(slave)
 
     def finish(self) -> tuple[int, list[str]]:
         """Exit code and what was said."""
-        _, words = self.child.communicate(timeout=30)
+        self.printed, words = self.child.communicate(timeout=30)
         return self.child.returncode, words.splitlines()
 
     def heard(self) -> str:
@@ -49,10 +51,11 @@ def punching(folder: Path, *options: str) -> Iterator[Punch]:
 
 def test_whole_programs_are_stored_under_their_names(tmp_path: Path) -> None:
     """(5.7)"""
-    with punching(tmp_path, "--count", "1") as punch:
+    with punching(tmp_path, "--count", "1", "--json") as punch:
         os.write(punch.end, WHOLE + BEGUN)
         code, words = punch.finish()
     assert code == 0
+    assert validated(punch.printed)["programs"][0]["is_whole"]
     assert [path.name for path in tmp_path.iterdir()] == ["O1234"]
     assert (tmp_path / "O1234").read_bytes() == WHOLE.lstrip()[:-1]
     assert len(words) == 1

@@ -14,6 +14,7 @@ import pytest
 
 from tests.helpers.line import SendProcess, runtime_of
 from tests.helpers.mill import MillProcess, small_machine
+from tests.helpers.schemas import validated
 from tests.helpers.sending import wait_for_state
 
 pytestmark = pytest.mark.system
@@ -163,3 +164,4 @@ def test_handshake_test_on_the_mill(tmp_path: Path) -> None:
     assert "the control stops us" in ran.stderr
     assert '"passed": false' in ran.stdout
     assert '"xoff_count": 1' in ran.stdout
+    validated(ran.stdout)
