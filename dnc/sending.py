@@ -47,8 +47,8 @@ class Wishes:
     form: str | None
     handshake: str | None
     start: str | None
-    start_timeout: float | None
-    hold_timeout: float | None
+    start_timeout_s: float | None
+    hold_timeout_s: float | None
     start_at: str | None
     resume: bool
     check_first: bool
@@ -160,8 +160,8 @@ def effective_profile(wishes: Wishes) -> MachineProfile:
         "format": wishes.form,
         "handshake": wishes.handshake,
         "start": wishes.start,
-        "start_timeout_s": wishes.start_timeout,
-        "hold_timeout_s": wishes.hold_timeout,
+        "start_timeout_s": wishes.start_timeout_s,
+        "hold_timeout_s": wishes.hold_timeout_s,
     }
     return msgspec.structs.replace(profile, link=link_with(profile.link, given))
 

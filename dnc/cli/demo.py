@@ -15,10 +15,15 @@ from dnc.numbers import Number
 @click.option("--job", type=click.Path(path_type=Path), help="Job file; the reference part when left out.")
 @click.option("--speed", default=200.0, show_default=True, type=Number(1, 1000), help="Time scale.")
 @click.option(
-    "--window", default=4.0, show_default=True, type=Number(0.5, 600), help="Seconds of the line at its true speed."
+    "--window",
+    "window_s",
+    default=4.0,
+    show_default=True,
+    type=Number(0.5, 600),
+    help="Seconds of the line at its true speed.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the report instead of the screen.")
-def command(out: Path, machine: str, job: Path | None, speed: float, window: float, as_json: bool) -> None:
+def command(out: Path, machine: str, job: Path | None, speed: float, window_s: float, as_json: bool) -> None:
     """Plan, check, drip-feed to the virtual mill over a pseudo-terminal, cut, measure."""
     import json
 
@@ -26,6 +31,6 @@ def command(out: Path, machine: str, job: Path | None, speed: float, window: flo
     from dnc.demo_screen import demo_screen
     from dnc.shipped import shipped_path
 
-    settings = Settings(job or shipped_path("jobs", "thesis"), machine, speed, window, 1500.0, 0.2)
+    settings = Settings(job or shipped_path("jobs", "thesis"), machine, speed, window_s, 1500.0, 0.2)
     report = run_chain(out, settings, elapsed(lambda text: click.echo(text, err=True)))
     click.echo(json.dumps(report, indent=1) if as_json else demo_screen(report, out), nl=as_json)

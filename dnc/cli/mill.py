@@ -19,7 +19,7 @@ from dnc.numbers import Number
 @click.option("--fault", "faults", multiple=True, metavar="NAME=VALUE", help="what goes wrong; a wrong name lists them")
 @click.option("--nominal", type=click.Path(path_type=Path), help="job file: measure against its design; tool radii")
 @click.option("--programs", type=click.Path(path_type=Path), help="folder of the subprograms in its memory")
-@click.option("--probe-pitch", type=Number(0.001, 1000), default=0.1, show_default=True, help="mm")
+@click.option("--probe-pitch", "probe_pitch_mm", type=Number(0.001, 1000), default=0.1, show_default=True, help="mm")
 @click.option("--end-on-alarm", is_flag=True, help="end at an alarm or a reset, as at the program's end")
 @click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON at the end")
 @click.option("--motion", type=click.Path(path_type=Path), help="write the motion log as CSV")
@@ -34,7 +34,7 @@ def command(
     faults: tuple[str, ...],
     nominal: Path | None,
     programs: Path | None,
-    probe_pitch: float,
+    probe_pitch_mm: float,
     end_on_alarm: bool,
     report: Path | None,
     motion: Path | None,
@@ -71,7 +71,7 @@ def command(
         is_port_fixed=modbus is not None,
         nominal=nominal,
         motion=motion,
-        probe_pitch_mm=probe_pitch,
+        probe_pitch_mm=probe_pitch_mm,
         plot=plot,
         tool_radii_mm={} if nominal is None else load_job(nominal).tool_radii_mm,
         subprogram_folder=programs,

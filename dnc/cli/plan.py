@@ -26,7 +26,11 @@ _BLOCKS = ["auto", "bspline", "poly", "nurbs", "spl", "arcs", "linear"]
 @click.option("--plot", type=click.Path(path_type=Path), help="draw passes, worst scallop and one fit as PNG")
 @click.option("--sheet", type=click.Path(path_type=Path), help="write the setup sheet as one HTML page")
 @click.option(
-    "--lift", type=Number(-1000, 1000), default=0.0, help="raise the whole program by this many mm, for an air cut"
+    "--lift",
+    "lift_mm",
+    type=Number(-1000, 1000),
+    default=0.0,
+    help="raise the whole program by this many mm, for an air cut",
 )
 @click.option("--knot-test", is_flag=True, help="write an air program that tells the control's knot rule instead")
 @click.option("--json", "as_json", is_flag=True, help="print the report to stdout")
@@ -39,7 +43,7 @@ def command(
     report: Path | None,
     plot: Path | None,
     sheet: Path | None,
-    lift: float,
+    lift_mm: float,
     *,
     knot_test: bool,
     as_json: bool,
@@ -77,7 +81,7 @@ def command(
         rapid_mm_min=min(axis.rapid_mm_min for axis in profile.axes.values()),
         line=line_of(profile),
         with_rivals=is_reported,
-        lift_mm=lift,
+        lift_mm=lift_mm,
         time_of=clock,
         travel_mm=travel_of(profile),
     )

@@ -19,8 +19,12 @@ from dnc.numbers import LONGEST_S, Number
 @click.option("--baud", type=click.IntRange(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's")
 @click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
 @click.option("--count", type=click.IntRange(min=0), default=0, help="end after so many programs; 0: go on")
-@click.option("--wait", type=Number(0, LONGEST_S), default=0.0, help="end after so many silent seconds; 0: never")
-@click.option("--silence", type=Number(0.1, LONGEST_S), default=5.0, show_default=True, help="ends a program, s")
+@click.option(
+    "--wait", "wait_s", type=Number(0, LONGEST_S), default=0.0, help="end after so many silent seconds; 0: never"
+)
+@click.option(
+    "--silence", "silence_s", type=Number(0.1, LONGEST_S), default=5.0, show_default=True, help="ends a program, s"
+)
 @click.option("--max-bytes", type=click.IntRange(min=1), default=100_000_000, show_default=True, help="per program")
 @click.option("--send-xon", is_flag=True, help="tell the control to begin")
 @click.option("--json", "as_json", is_flag=True, help="print a report to stdout")
@@ -31,8 +35,8 @@ def command(
     baud: int | None,
     form: str | None,
     count: int,
-    wait: float,
-    silence: float,
+    wait_s: float,
+    silence_s: float,
     max_bytes: int,
     send_xon: bool,
     as_json: bool,
@@ -65,8 +69,8 @@ def command(
     try:
         if send_xon:
             opened.write(bytes([link.xon]))
-        punch_in = PunchIn(silence, max_bytes, is_seven_bit=link.software_parity)
-        stored = receive(opened, punch_in, folder, count, wait, say)
+        punch_in = PunchIn(silence_s, max_bytes, is_seven_bit=link.software_parity)
+        stored = receive(opened, punch_in, folder, count, wait_s, say)
     finally:
         opened.close()
     if as_json:

@@ -20,8 +20,15 @@ _HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
 @click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
 @click.option("--handshake", type=click.Choice(_HANDSHAKES))
 @click.option("--start", type=click.Choice(["immediate", "wait-xon"]), help="send at once, or wait for the first XON")
-@click.option("--start-timeout", type=Number(0, LONGEST_S), help="seconds to wait for the first XON; 0: for ever")
-@click.option("--hold-timeout", type=Number(0, LONGEST_S), help="seconds an XOFF may last; 0: for ever")
+@click.option(
+    "--start-timeout",
+    "start_timeout_s",
+    type=Number(0, LONGEST_S),
+    help="seconds to wait for the first XON; 0: for ever",
+)
+@click.option(
+    "--hold-timeout", "hold_timeout_s", type=Number(0, LONGEST_S), help="seconds an XOFF may last; 0: for ever"
+)
 @click.option("--start-at", metavar="N120", help="restart at this block, with a computed preamble")
 @click.option("--resume", is_flag=True, help="restart where the interrupted job of this program stopped")
 @click.option("--check", "check_first", is_flag=True, help="run dnc check first; errors stop the job")

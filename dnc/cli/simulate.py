@@ -21,7 +21,7 @@ _PATH = click.Path(path_type=Path)
 @click.argument("program", type=_PATH)
 @click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
 @click.option("--job", type=_PATH, help="job file: design surface and tool; without it nothing is measured")
-@click.option("--pitch", type=Number(0.001, 1000), help="probe pitch in mm; R/40 unless given")
+@click.option("--pitch", "pitch_mm", type=Number(0.001, 1000), help="probe pitch in mm; R/40 unless given")
 @click.option("--motion", type=_PATH, help="write the motion log (CSV, tool tip)")
 @click.option("--report", type=_PATH, help="write the report (JSON)")
 @click.option("--plot", type=_PATH, help="draw the deviation map (PNG)")
@@ -32,7 +32,7 @@ def command(
     program: Path,
     machine: str,
     job: Path | None,
-    pitch: float | None,
+    pitch_mm: float | None,
     motion: Path | None,
     report: Path | None,
     plot: Path | None,
@@ -69,7 +69,7 @@ def command(
         tool_radii_mm=None if job is None else load_job(job).tool_radii_mm,
         subprogram_folder=program.parent,
     )
-    verdict = _verdict(nominal, recording, pitch) if nominal is not None else None
+    verdict = _verdict(nominal, recording, pitch_mm) if nominal is not None else None
     made = _report(program, data, machine, recording, verdict)
     if motion is not None:
         write_file(motion, _motion_csv(recording, nominal).encode())

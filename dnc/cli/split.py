@@ -20,12 +20,19 @@ from dnc.numbers import Number
 @click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
 @click.option(
     "--retract-z",
+    "retract_z_mm",
     type=Number(-100_000, 100_000),
     help="machine height before tool change and at the end; default: the profile's",
 )
 @click.option("--json", "as_json", is_flag=True, help="the parts as JSON on stdout")
 def command(
-    program: Path, output: Path, job: Path, most_bytes: int | None, machine: str, retract_z: float | None, as_json: bool
+    program: Path,
+    output: Path,
+    job: Path,
+    most_bytes: int | None,
+    machine: str,
+    retract_z_mm: float | None,
+    as_json: bool,
 ) -> int:
     """Cut PROGRAM where the tool stands clear; each part restores tool, spindle, frames and modes, and ends itself."""
     from dnc.control_side import decimals_of, settings_of
@@ -43,7 +50,7 @@ def command(
         clearance_z_mm=loaded.setup.clearance_z_mm,
         plunge_mm_min=operation.plunge_mm_min,
         dwell_s=operation.spindle_dwell_s,
-        retract_z_mm=profile.control.retract_z_mm if retract_z is None else retract_z,
+        retract_z_mm=profile.control.retract_z_mm if retract_z_mm is None else retract_z_mm,
         decimals=decimals_of(profile),
     )
     settings = settings_of(

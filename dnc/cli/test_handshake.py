@@ -15,11 +15,13 @@ from dnc.numbers import LONGEST_S, Number
 @click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
 @click.option("--baud", type=click.IntRange(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's")
 @click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
-@click.option("--resume-wait", type=Number(0, LONGEST_S), default=120.0, show_default=True, help="s to raise it")
+@click.option(
+    "--resume-wait", "resume_wait_s", type=Number(0, LONGEST_S), default=120.0, show_default=True, help="s to raise it"
+)
 @click.option("--yes", is_flag=True, help="the override is at 0 and the axes may move by 0.01 mm")
 @click.option("--json", "as_json", is_flag=True, help="print a report to stdout")
 def command(
-    port: str, machine: str, baud: int | None, form: str | None, resume_wait: float, yes: bool, as_json: bool
+    port: str, machine: str, baud: int | None, form: str | None, resume_wait_s: float, yes: bool, as_json: bool
 ) -> int:
     """Set the feed override to 0, start external execution at the control: sending must stop, then go on when raised.
 
@@ -38,7 +40,7 @@ def command(
     profile = machine_profile(machine)
     profile = msgspec.structs.replace(profile, link=link_with(profile.link, {"baud": baud, "format": form}))
     opened = open_port(port, profile.link)
-    report = examine(opened, profile, machine, resume_wait, lambda text: click.echo(f"dnc: {text}", err=True))
+    report = examine(opened, profile, machine, resume_wait_s, lambda text: click.echo(f"dnc: {text}", err=True))
     label = "SIMULATED: " if report["simulated"] else ""
     click.echo(f"dnc: {label}{report['verdict']}", err=True)
     if as_json:
