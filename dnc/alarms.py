@@ -32,7 +32,7 @@ HOLD_TIMEOUT = Kind(
     "DNC-L1T",
     Severity.ALARM,
     "the control held the line longer than --hold-timeout",
-    "reset the control, then restart at a safe block",
+    "reset the control, then dnc send --resume",
 )
 UNASKED_XON = Kind(
     "DNC-L4",
@@ -69,23 +69,21 @@ PORT_LOST = Kind(
     "DNC-A1",
     Severity.ALARM,
     "the port was lost",
-    "plug the adapter in again, reset the control, then restart at a safe block; nothing restarts by itself",
+    "plug the adapter in again, reset the control, then dnc send --resume; nothing restarts by itself",
 )
 FOREIGN_SETTINGS = Kind(
     "DNC-A5",
     Severity.ALARM,
     "another program changed the settings of the port",
-    "end that program, then restart at a safe block",
+    "end that program, then dnc send --resume",
 )
 CLOSE_STUCK = Kind("DNC-A10", Severity.WARNING, "the port did not close in time", "unplug the adapter once")
-CONTROL_RESET = Kind(
-    "DNC-C1", Severity.ALARM, "the control was reset", "restart at a safe block once the control is ready"
-)
+CONTROL_RESET = Kind("DNC-C1", Severity.ALARM, "the control was reset", "dnc send --resume once the control is ready")
 CONTROL_ALARM = Kind(
     "DNC-C2",
     Severity.ALARM,
     "the control raised an alarm",
-    "read the alarm at the control, then restart at a safe block",
+    "read the alarm at the control, then dnc send --resume",
 )
 NO_FIRST_XON = Kind(
     "DNC-C3",

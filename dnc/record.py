@@ -77,7 +77,7 @@ def send_report(
 ) -> dict[str, Any]:
     """The report of `dnc send` (docs/schemas/send.schema.json)."""
     tally, tape = sender.tally, sender.tape
-    doubt = in_doubt(tape, sender.offset_bytes, sender.clock.inflight_bytes(now_s), control)
+    doubt = in_doubt(tape, sender.offset_bytes, sender.clock.pace.inflight_max_bytes, control)
     numbers = [block_number(line_text(tape, line)) for line in (doubt.first, doubt.last)] if doubt else None
     state = sender.state.value
     return {

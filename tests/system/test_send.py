@@ -152,7 +152,7 @@ def test_reset_and_alarm_are_exit_6(tmp_path: Path, said: tuple[str, int, str]) 
     report = checked(sending.report())
     assert (code, report["outcome"]) == said[1:]
     assert only_alarm(report) == f"DNC-{'C1' if said[0] == '1316' else 'C2'}"
-    assert "restart at a safe block" in words
+    assert "dnc send --resume" in words
     assert "in doubt from line 1" in words
     assert seen["bytes_received"] <= 600  # type: ignore[operator]
 

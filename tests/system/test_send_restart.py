@@ -175,9 +175,12 @@ def test_resume_where_an_aborted_job_was_in_doubt(tmp_path: Path) -> None:
         with SendProcess(tmp_path, program, peer.pty, *options) as sending:
             wait_for_state(tmp_path, "SENDING", sent=3000)
             sending.child.send_signal(signal.SIGINT)
-            assert sending.finish()[0] == 7
+            code, words = sending.finish()
             doubt = sending.report()["in_doubt"]
+        assert code == 7
         assert isinstance(doubt, list)
+        assert f"in doubt from line {doubt[0]} " in words
+        assert f"to line {doubt[1]}" in words
         resume = (*options, "--resume", "--yes")
         if sending.report()["is_block_cut"]:
             with SendProcess(tmp_path, program, peer.pty, *resume) as refused:
