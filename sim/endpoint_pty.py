@@ -121,6 +121,7 @@ class LineProcess:
                 {
                     "monotonic_s": self.clock.wall_s(cycle.xoff_s),
                     "overshoot_bytes": cycle.overshoot_bytes,
+                    "run_bytes": cycle.run_bytes,
                     "utilisation": cycle.utilisation,
                     "hold_up_s": held_up_s,
                 }

@@ -41,14 +41,15 @@ class Marks:
 class Cycle:
     """One stop: when DC3 began to leave, bytes that arrived after that, bytes lost in it, when DC1 was said.
 
-    `utilisation` is that of the run before it: its bytes over what the line could carry from the moment the host had
-    DC1 until it had DC3, or until the last byte arrived if that was later; None for a run that no DC1 began.
+    `utilisation` is that of the run before it: its `run_bytes` over what the line could carry from the moment the host
+    had DC1 until it had DC3, or until the last byte arrived if that was later; None for a run that no DC1 began.
     """
 
     xoff_s: float
     overshoot_bytes: int
     overrun_bytes: int
     xon_s: float
+    run_bytes: int
     utilisation: float | None
 
 
@@ -135,7 +136,8 @@ class Receiver:
     def _close_cycle(self, now_s: float) -> None:
         if self._xoff_s is not None and math.isfinite(self._xoff_s):
             lost = self.overrun_bytes - self._overrun_before
-            self.cycles.append(Cycle(self._xoff_s, self._overshoot_bytes, lost, now_s, self._utilisation(self._xoff_s)))
+            used = self._utilisation(self._xoff_s)
+            self.cycles.append(Cycle(self._xoff_s, self._overshoot_bytes, lost, now_s, self._run_bytes, used))
         self._xoff_s = self._run_from_s = None
 
     def _utilisation(self, xoff_s: float) -> float | None:

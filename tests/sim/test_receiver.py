@@ -39,7 +39,9 @@ def test_dc3_goes_out_at_the_byte_that_reaches_the_mark_and_dc1_when_drained() -
     assert ring.is_held
     ring.take(1, 91.0)
     assert ears.heard[-1] == (Word.XON, 91.0)
-    assert ring.cycles == [Cycle(xoff_s=80.0, overshoot_bytes=2, overrun_bytes=0, xon_s=91.0, utilisation=None)]
+    assert ring.cycles == [
+        Cycle(xoff_s=80.0, overshoot_bytes=2, overrun_bytes=0, xon_s=91.0, run_bytes=82, utilisation=None)
+    ]
 
 
 def test_a_run_is_used_from_dc1_at_the_host_until_its_last_byte() -> None:
@@ -94,7 +96,9 @@ def test_a_reset_forgets_the_ring() -> None:
     ring.clear(95.0)
     ring.take(12, 95.0)
     assert (ring.fill_bytes, ring.is_held, ring.fetch()) == (0, False, b"")
-    assert ring.cycles == [Cycle(xoff_s=80.0, overshoot_bytes=10, overrun_bytes=0, xon_s=95.0, utilisation=None)]
+    assert ring.cycles == [
+        Cycle(xoff_s=80.0, overshoot_bytes=10, overrun_bytes=0, xon_s=95.0, run_bytes=90, utilisation=None)
+    ]
 
 
 @pytest.mark.parametrize("size", [1, 7, 80, 200])
