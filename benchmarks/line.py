@@ -96,12 +96,12 @@ def main() -> int:
 
 
 def reserve_bytes(baud: int, buffer_bytes: int) -> int:
-    """What the control keeps free when it stops us: 120 bytes as a SINUMERIK 810T, or a quarter of a small buffer.
+    """What the control keeps free when it stops us: 120 bytes as a SINUMERIK 810T, or half of a small buffer.
 
     A run scaled by 120 wants the reserve of the virtual mill, seven eighths; of 64 bytes all that a block leaves.
     """
     if baud <= 115200:
-        return min(120, buffer_bytes // 4)
+        return min(120, buffer_bytes // 2)
     return min(buffer_bytes * 7 // 8, buffer_bytes - BLOCK_BYTES - 4)
 
 

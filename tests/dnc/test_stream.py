@@ -133,6 +133,21 @@ def test_no_core_spins_while_held_or_full(tmp_path: Path, cable: Cable) -> None:
         assert time.process_time() - before_s < 0.02
 
 
+def test_a_young_hold_is_slept_through_in_naps(tmp_path: Path, cable: Cable) -> None:
+    """(5.2) It may end soon, and a loop that has slept for long answers XON late; a long hold is left in peace."""
+    now_s = [1.0]
+    port, sender = SerialPort(cable.name, Link()), sender_of(tape_of(tmp_path, PROGRAM))
+    stream = Stream(sender, port, NoJournal(), lambda _: None, clock=lambda: now_s[0])  # type: ignore[arg-type]
+    sender.start(now_s[0])
+    sender.hear(XOFF, now_s[0])
+    stream._housekeep(now_s[0])
+    assert stream._wait_s() == pytest.approx(0.001)
+    now_s[0] += 0.5
+    assert stream._wait_s() == pytest.approx(0.5)
+    stream.close()
+    port.close()
+
+
 def test_held_pause_resume_abort(tmp_path: Path, cable: Cable) -> None:
     """(5.7)"""
     slow = Pace(byte_s=1e-3, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
