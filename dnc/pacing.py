@@ -43,7 +43,7 @@ def default_slack(baud: int) -> float:
 
 def default_lag_s(baud: int) -> float:
     """How late the first byte after a silence may start: less than this, and the bytes after it would add to it."""
-    return 0.45e-3 if baud < 38400 else 0.2e-3
+    return 0.45e-3 if baud <= 38400 else 0.3e-3
 
 
 @dataclass(frozen=True, slots=True)
