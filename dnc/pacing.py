@@ -38,12 +38,12 @@ def default_inflight_bytes(baud: int, form: str, reserve_bytes: int) -> int:
 
 def default_slack(baud: int) -> float:
     """How much slower than the line the clock runs: what the demanded utilisation leaves, 0.98 and 0.96 at most."""
-    return 0.012 if baud <= 38400 else 0.028
+    return 0.012 if baud <= 38400 else 0.018
 
 
 def default_lag_s(baud: int) -> float:
     """How late the first byte after a silence may start: less than this, and the bytes after it would add to it."""
-    return 0.45e-3 if baud <= 38400 else 0.3e-3
+    return 0.45e-3 if baud < 38400 else 0.2e-3
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,8 @@ class Suspicion:
     def __init__(self, tape: Tape) -> None:
         self._tape = tape
         self._noise: deque[tuple[float, int]] = deque()
-        self._xons: deque[float] = deque()
+        self._xons: deque[float] = deque(maxlen=_UNASKED_XON)
+        self._is_xon_warned = False
         self._tail = b""
         self._is_warned = False
         self.is_too_noisy = False
@@ -33,7 +34,7 @@ class Suspicion:
         self._noise.clear()
         self._xons.clear()
         self._tail = b""
-        self._is_warned = self.is_too_noisy = False
+        self._is_warned = self._is_xon_warned = self.is_too_noisy = False
 
     def is_echo(self, data: bytes, offset_bytes: int) -> bool:
         """Whether the last bytes heard are bytes sent a moment ago; eight in a row are no accident."""
@@ -44,13 +45,13 @@ class Suspicion:
         return self._tail in self._tape.peek(sent_from, offset_bytes - sent_from)
 
     def noise(self, data: bytes, now_s: float, offset_bytes: int) -> Alarm | None:
-        """Count bytes without meaning; the alarm that is due, if any."""
+        """Count bytes without meaning; the alarm that is due, if any. After the limit there is nothing left to count."""
+        if self.is_too_noisy:
+            return None
         self._noise.append((now_s, len(data)))
         while self._noise[0][0] < now_s - _WINDOW_S:
             self._noise.popleft()
         count = sum(length for _, length in self._noise)
-        if self.is_too_noisy:
-            return None
         if self._tail == bytes(_BREAK_BYTES) or count >= _NOISE_LIMIT_BYTES:
             self.is_too_noisy = True
             kind = alarms.BREAK if self._tail == bytes(_BREAK_BYTES) else alarms.TOO_NOISY
@@ -61,10 +62,10 @@ class Suspicion:
         return None
 
     def unasked_xon(self, now_s: float, offset_bytes: int) -> list[Event]:
-        """Count an XON that nobody waited for; the warning at the twentieth in a minute."""
+        """Count an XON that nobody waited for; the warning at the twentieth in a minute, once."""
         self._xons.append(now_s)
-        while self._xons[0] < now_s - _WINDOW_S:
-            self._xons.popleft()
-        if len(self._xons) != _UNASKED_XON:
+        is_many = len(self._xons) == _UNASKED_XON and self._xons[0] >= now_s - _WINDOW_S
+        if self._is_xon_warned or not is_many:
             return []
+        self._is_xon_warned = True
         return [alarms.UNASKED_XON.at(now_s, offset_bytes, f"{_UNASKED_XON} in a minute")]
