@@ -102,18 +102,23 @@ class Job:
         publisher.start()
         self.journal.open()
         self._write_about()
-        try:
-            with _signals(self.stream), on_time() as is_realtime:
-                self._is_realtime = is_realtime
-                self.stream.run()
-        finally:
-            ended_s = time.monotonic()
-            self.journal.close(self.sender.offset_bytes, self.sender.state)
-            if not self.port.close():
-                self.events.add(alarms.CLOSE_STUCK.at(ended_s, self.sender.offset_bytes))
-            publisher.close()
-            self.unheard_events = self.events.close()
-            self.stream.close()
+        with _signals(self.stream):  # to the end: a second Ctrl-C must not take the record away
+            try:
+                with on_time() as self._is_realtime:
+                    self.stream.run()
+            finally:
+                finished = self._ended()
+                publisher.close()
+                self.unheard_events = self.events.close()
+        self.stream.close()
+        return finished
+
+    def _ended(self) -> Finished:
+        """Let go of the port and put the job on record, before anybody is waited for who may be slow."""
+        ended_s = time.monotonic()
+        self.journal.close(self.sender.offset_bytes, self.sender.state)
+        if not self.port.close():
+            self.events.add(alarms.CLOSE_STUCK.at(ended_s, self.sender.offset_bytes))
         return self._finished(ended_s)
 
     def _write_about(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 from dnc.events import JobState, Noise
@@ -90,3 +91,20 @@ def test_xon_without_xoff_is_counted_and_warned_of(tmp_path: Path) -> None:
     events = [event for index in range(25) for event in sender.hear(XON, index * 1.0)]
     assert alarm_ids(events) == ["DNC-L4"]
     assert sender.tally.unasked_xon_count == 25
+
+
+def test_noise_without_end_costs_no_time(tmp_path: Path) -> None:
+    """(5.2; fault L14) A control that talks and talks into a paused job: the loop has real-time priority."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    begun_s = time.process_time()
+    for index in range(2_000):
+        sender.hear(b"Z", index * 1e-4)
+    early_s = time.process_time() - begun_s
+    for index in range(2_000, 20_000):
+        sender.hear(b"Z", index * 1e-4)
+    begun_s = time.process_time()
+    for index in range(20_000, 22_000):
+        sender.hear(b"Z", index * 1e-4)
+    assert time.process_time() - begun_s < 5 * early_s
+    assert (sender.state, sender.tally.noise_bytes) == (JobState.PAUSED, 22_000)

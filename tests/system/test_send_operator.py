@@ -41,6 +41,27 @@ def test_sigint_stops_purges_and_tells(tmp_path: Path) -> None:
         assert 0 <= report["bytes_sent"] - peer.stop()["bytes_received"] <= 3  # type: ignore[operator]
 
 
+def test_an_impatient_operator_loses_nothing(tmp_path: Path) -> None:
+    """(5.7; fault C10) Ctrl-C again while the job still ends: it is on record, and the next start asks for a reset."""
+    program, reached, hook = program_at(tmp_path, 300), tmp_path / "reached", tmp_path / "hook.sh"
+    os.mkfifo(reached)
+    hook.write_text(f"#!/bin/sh\ngrep -q ABORTED && echo now > {reached} && cat {reached} > /dev/null\n")
+    hook.chmod(0o755)
+    with PeerProcess(quiet_s=0) as peer:
+        with SendProcess(tmp_path, program, peer.pty, "--hook", str(hook)) as sending:
+            wait_for_state(tmp_path, "SENDING", sent=500)
+            sending.child.send_signal(signal.SIGINT)
+            assert reached.read_text() == "now\n"
+            sending.child.send_signal(signal.SIGINT)
+            sending.child.send_signal(signal.SIGTERM)
+            reached.write_text("go on\n")
+            code, _ = sending.finish()
+        assert (code, checked(sending.report())["outcome"]) == (7, "ABORTED")
+        with SendProcess(tmp_path, program, peer.pty) as again:
+            code, words = again.finish()
+    assert (code, "--control-was-reset" in words) == (9, True)
+
+
 def test_sigterm_pauses_at_a_block_end(tmp_path: Path) -> None:
     """(1.3; fault H7) Exit 143 within 2 s, no block cut."""
     with (
