@@ -31,7 +31,7 @@ _DRAIN_S = 2.0
 _FLOW_POLL_S = 0.002
 _WATCHFUL_S = 0.25
 _WATCH_S = 0.001
-"""A loop that has slept for long answers XON 0.1 ms later: a young hold, which may end soon, is passed in naps."""
+"""A loop that has slept long answers XON 0.1 ms later: a young hold, which may end soon, is passed in naps."""
 _SLEEP_LIMIT_S = 5.0
 Sink = Callable[[Event], None]
 
