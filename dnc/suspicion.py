@@ -45,7 +45,7 @@ class Suspicion:
         return self._tail in self._tape.peek(sent_from, offset_bytes - sent_from)
 
     def noise(self, data: bytes, now_s: float, offset_bytes: int) -> Alarm | None:
-        """Count bytes without meaning; the alarm that is due, if any. After the limit there is nothing left to count."""
+        """Count bytes without meaning, up to the limit; the alarm that is due, if any."""
         if self.is_too_noisy:
             return None
         self._noise.append((now_s, len(data)))
