@@ -62,7 +62,7 @@ def run_chain(folder: Path, settings: Settings, say: Say) -> Report:
     made_folder(folder)
     program = folder / "part.mpf"
     with ExitStack() as mills:
-        say("plan     the reference part")
+        say(f"plan     {settings.job.name}; the first time slower, because what must be fast is compiled")
         hurried = mills.enter_context(_window_mill(folder, settings))
         plan = _plan(folder, program, settings)
         say("check    the tape, block by block")

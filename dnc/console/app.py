@@ -81,6 +81,7 @@ class Console(App[None], inherit_bindings=False):
         self.question = ""
         self.notice = ""
         self.is_help = False
+        self._rest = ""
         self._redraw_s = redraw_s
         self._forecasts: dict[str, Forecast | None] = {}
         self._tasks: list[asyncio.Task[None]] = []
@@ -144,6 +145,7 @@ class Console(App[None], inherit_bindings=False):
         """Everything anew from what is known now."""
         job = self.watcher.reading()
         status = self.monitor.status()
+        self._forget_notice(job)
         if self.alarms.update(present_alarms(job, status)):
             self.bell()
         now = datetime.now().astimezone()
@@ -162,6 +164,14 @@ class Console(App[None], inherit_bindings=False):
         size = self.size
         self.face = screen(known, size.width, size.height)
         self._shown.update(_text(self.face))
+
+    def _forget_notice(self, job: JobReading | None) -> None:
+        """Once the job has come to rest, what to do now matters more than what was asked before."""
+        state = str(job.snapshot.get("state")) if job is not None else ""
+        rest = "" if state in ("SENDING", "HELD") else state
+        if rest and rest != self._rest:
+            self.notice = self.watcher.answer = ""
+        self._rest = rest
 
     def _forecast_of(self, job: JobReading | None) -> Forecast | None:
         """The plan's clock of this program; made in a process of its own the first time it is wanted."""

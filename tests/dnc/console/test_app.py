@@ -107,6 +107,19 @@ async def test_hold_takes_one_key_resume_and_abort_take_two(tmp_path: Path) -> N
         assert [order for order in job.orders if order not in ("lease", "release")] == ["pause", "resume", "abort"]
 
 
+async def test_what_was_asked_gives_way_to_what_to_do_now(tmp_path: Path) -> None:
+    """(2.2) `asked the job: pause` stood there for ever, where it should say how to go on."""
+    app = console(tmp_path)
+    async with published(tmp_path) as job, app.run_test(headless=True, size=(80, 24)) as pilot:
+        await until(pilot, app, lambda text: "SENDING" in text)
+        await pilot.press("space")
+        await until(pilot, app, lambda text: "asked the job: pause" in text)
+        job.snapshot["state"] = "PAUSED"
+        await until(pilot, app, lambda text: "Paused. F5 then Enter goes on" in text)
+        await pilot.press("f5", "enter")
+        await until(pilot, app, lambda text: "asked the job: resume" in text)
+
+
 async def test_without_a_job_a_key_says_so(tmp_path: Path) -> None:
     app = console(tmp_path)
     async with app.run_test(headless=True, size=(80, 24)) as pilot:
