@@ -110,6 +110,8 @@ class TokenReader:
             raise self._no_word()
         if start.text == "O" and self._follows_number():
             raise self.problem("the letter O stands in a number", "the digit 0")
+        if start.text == "E" and self._follows_number():
+            raise self.problem("the letter E stands in a number", "EX before an exponent")
         self.take()
         if len(start.text) == 1:
             number = self._plain_number(start)

@@ -64,6 +64,8 @@ def set_modes(request: Request, state: State, outlet: Outlet) -> None:
 def _path_mode(request: Request, state: State, outlet: Outlet) -> None:
     factor = INCH_MM if state.is_inch else 1.0
     distance, tolerance = request.take("ADIS"), request.take("CTOL")
+    if distance is not None and distance < 0.0:
+        raise ControlAlarm(AlarmNumber.VALUE_OUT_OF_RANGE, f"ADIS={distance:g} is no distance; 0 or more is expected")
     if distance is not None:
         state.rounding_distance_mm = distance * factor
     if tolerance is not None:

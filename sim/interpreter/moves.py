@@ -39,7 +39,7 @@ def arc_about(
     """The arc from start to end about a centre given by I, J, K; start = end is a full circle.
 
     Radii at both ends may differ by `tolerance_mm`; the centre then moves onto the perpendicular bisector. Raises
-    ControlAlarm where they differ more or the radius is 0.
+    ControlAlarm where they differ more, where that would change the radius, or the radius is 0.
     """
     u, v, w = plane
     at_start = (start[u] - centre[u], start[v] - centre[v])
@@ -57,6 +57,11 @@ def arc_about(
         moved = [centre[u] + shift * chord[0] / length**2, centre[v] + shift * chord[1] / length**2]
         at_start = (start[u] - moved[0], start[v] - moved[1])
         at_end = (end[u] - moved[0], end[v] - moved[1])
+        if abs(math.hypot(*at_start) - radius) > tolerance_mm:
+            text = (
+                f"the arc does not close: its end stands {length:.4f} off its start, towards the centre or away from it"
+            )
+            raise ControlAlarm(AlarmNumber.CIRCLE, text)
     else:
         moved = [centre[u], centre[v]]
     sweep = 2 * math.pi

@@ -129,6 +129,9 @@ def test_numbers_that_differ_by_rounding_compare_equal(text: str, x_mm: float) -
     ("text", "words"),
     [
         ("F100\nCIP X0 Y0 I1=5 J1=5", "CIP ends where it starts"),
+        ("F100\nG3 X.005 I5", "its end stands 0.0050 off its start"),
+        ("G641 ADIS=-1", "0 or more is expected"),
+        ("G0 X1E3", "expected EX before an exponent"),
         ("M2=3", "another spindle"),
         ("S2=100", "another spindle"),
         ("TRANS X7\nG4 F1 TRANS", "G4 and TRANS stand in one block"),

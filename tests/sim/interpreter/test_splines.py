@@ -308,3 +308,11 @@ def test_derivative_of_a_rational_span() -> None:
     for p in (0.2, 0.7):
         slope = (at(arc, p + step) - at(arc, p - step)) / (2 * step)
         assert curve_derivative(arc, p) == pytest.approx(slope, abs=1e-6)
+
+
+def test_a_frame_between_two_points_ends_the_spline() -> None:
+    """(6.3) What is programmed in another frame is another curve."""
+    head = "F100 G1 X-1\nX0\nBNAT ENAT CSPLINE X1 Y1\nX2 Y0\n"
+    first = spans_of(head)
+    assert spans_of(f"{head}TRANS\nX3 Y1\nX4 Y0\n")[: len(first)] == first
+    assert spans_of(f"{head}X3 Y1\nX4 Y0\n")[: len(first)] != first
