@@ -106,6 +106,7 @@ def _circle(
     elif angle_deg is not None:
         centre = moves.centre_from_angle(start, end, math.radians(angle_deg), plane, is_clockwise, near_mm)
     assert centre is not None
+    tolerance_mm = max(tolerance_mm, settings.arc_tolerance_share * math.dist(start, centre))
     return end, moves.arc_about(start, end, centre, plane, is_clockwise, tolerance_mm, near_mm)
 
 

@@ -39,7 +39,7 @@ def arc_about(
     """The arc from start to end about a centre given by I, J, K; start = end is a full circle.
 
     Radii at both ends may differ by `tolerance_mm`; the centre then moves onto the perpendicular bisector. Raises
-    ControlAlarm where they differ more, where that would change the radius, or the radius is 0.
+    ControlAlarm where they differ more, where the centre of the same radius lies elsewhere, or the radius is 0.
     """
     u, v, w = plane
     at_start = (start[u] - centre[u], start[v] - centre[v])
@@ -52,18 +52,13 @@ def arc_about(
         raise ControlAlarm(AlarmNumber.CIRCLE, text)
     chord = (end[u] - start[u], end[v] - start[v])
     length = math.hypot(*chord)
+    moved = [centre[u], centre[v]]
     if length > same_place_mm and radius != radius_end:
+        _require_centre((-at_start[0], -at_start[1]), chord)
         shift = (at_start[0] + at_end[0]) * chord[0] / 2 + (at_start[1] + at_end[1]) * chord[1] / 2
         moved = [centre[u] + shift * chord[0] / length**2, centre[v] + shift * chord[1] / length**2]
         at_start = (start[u] - moved[0], start[v] - moved[1])
         at_end = (end[u] - moved[0], end[v] - moved[1])
-        if abs(math.hypot(*at_start) - radius) > tolerance_mm:
-            text = (
-                f"the arc does not close: its end stands {length:.4f} off its start, towards the centre or away from it"
-            )
-            raise ControlAlarm(AlarmNumber.CIRCLE, text)
-    else:
-        moved = [centre[u], centre[v]]
     sweep = 2 * math.pi
     if length > same_place_mm:
         turn = math.atan2(
@@ -73,6 +68,26 @@ def arc_about(
     placed = [0.0, 0.0, 0.0]
     placed[u], placed[v], placed[w] = moved[0], moved[1], start[w]
     return ArcShape((placed[0], placed[1], placed[2]), unit_axis(w, -1.0 if is_clockwise else 1.0), sweep)
+
+
+def _require_centre(to_centre: tuple[float, float], chord: tuple[float, float]) -> None:
+    """ControlAlarm where the centre that has the radius of the start from both ends lies in another direction.
+
+    The direction from the start may turn by the root of 0.001 rad (list of alarms, 14040).
+    """
+    radius, half = math.hypot(*to_centre), math.hypot(*chord) / 2
+    along, across = (chord[0] / half / 2, chord[1] / half / 2), (-chord[1] / half / 2, chord[0] / half / 2)
+    height = math.sqrt(max(radius**2 - half**2, 0.0))
+    ahead, aside = (
+        to_centre[0] * along[0] + to_centre[1] * along[1],
+        to_centre[0] * across[0] + to_centre[1] * across[1],
+    )
+    turn = abs(math.atan2(abs(aside), ahead) - math.atan2(height, half))
+    if turn > math.sqrt(0.001):
+        text = f"the arc does not close: for the radius {radius:.4f} at both ends its centre is"
+        raise ControlAlarm(
+            AlarmNumber.CIRCLE, f"{text} {math.degrees(turn):.1f} degrees aside; 1.8 at most are expected"
+        )
 
 
 def centre_from_radius(

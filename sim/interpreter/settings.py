@@ -43,8 +43,8 @@ class Settings:
     coordinates. `poly_degree` is the highest degree of polynomials. `skip_levels` are the levels selected at the panel.
     `backward_jump_alarm` is what a drip-fed program raises when it jumps back. `is_inch` is the basic system: the unit
     until a code sets one, and that of feeds under G70 and G71. `max_repeats` bounds every loop: jumps and blocks that
-    run again, added up. Radii at the two ends of an arc may differ by `arc_tolerance_mm`; places nearer than
-    `same_place_mm` are one.
+    run again, added up. Radii at the two ends of an arc may differ by `arc_tolerance_mm` or by `arc_tolerance_share` of
+    the radius, whichever is more (MD21000, MD21010); places nearer than `same_place_mm` are one.
     """
 
     knot_rule: KnotRule = KnotRule.NX
@@ -63,6 +63,7 @@ class Settings:
     start_mm: Vector = (0.0, 0.0, 500.0)
     spindle_max_rpm: float = 100_000.0
     arc_tolerance_mm: float = 0.01
+    arc_tolerance_share: float = 0.001
     same_place_mm: float = 1e-9
     accepted_m_codes: frozenset[int] = frozenset()
     backward_jump_alarm: int = 14000

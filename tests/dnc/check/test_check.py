@@ -55,7 +55,7 @@ def test_our_own_programs_are_clean(tmp_path: Path, blocks: str, retract_z_mm: f
 
 
 def test_a_clean_program_has_no_findings() -> None:
-    assert ids("G1 X10 F250\nX20 Y5\n") == []
+    assert ids("G1 X10 F250\nX20 Y5\nN99999999 X30\n") == []
 
 
 @pytest.mark.parametrize(
@@ -101,6 +101,7 @@ def test_each_rule(middle: str, found: list[tuple[str, int]]) -> None:
         ("G18 G2 X20 I5 J0 F250\n", "arc-open", "J is not of the working plane G18"),
         ("G1 X9 F250\nN20 X12 (second)\n", "wrong-dialect", "a comment in brackets"),
         ("G1 X9 F250\nG49\n", "wrong-dialect", "D0 takes the length off"),
+        ("M5\nG95 G1 X9 F.1\n", "no-spindle", "a spindle that stands"),
         ("G1 X9 F250\rX20\n", "line-end", "CR stands without LF"),
         ("G1 X9 F.2\n", "odd-feed", "for each turn"),
         ("G0 Z5\nX9 F250\n", "feed-in-rapid", "G1 may have been lost"),

@@ -40,6 +40,8 @@ def last_motion(text: str) -> canon.Motion:
         ("G91\nG0 X5\nTRANS X100\nX1", (6, 0, 0)),
         ("G91\nG0 X5\nTRANS X100\nX=AC(1)", (101, 0, 0)),
         ("G70\nG0 X1\nG71 X=IC(1)", (26.4, 0, 0)),
+        ("GOTOF :20\nN20 G0 X1\n:20 G0 Y1", (0, 1, 0)),
+        ("GOTOF N20\n:20 G0 X1\nN20 G0 Y1", (0, 1, 0)),
         ("R1=2 R2=R1*3\nG0 X=R2-R1 Y=-R[1] Z=R[R1]", (4, -2, 6)),
     ],
 )
@@ -56,6 +58,7 @@ def test_places(text: str, end: Place) -> None:
         ("G3 I5 AR=90", (5, -5, 0), (5, 0, 0), (0, 0, 1), 90),
         ("G18 G2 X10 I5 K0 TURN=2 Y-3", (10, -3, 0), (5, 0, 0), (0, -1, 0), 900),
         ("G19 G3 Y10 J5 K0 TURN=1 X4", (4, 10, 0), (0, 5, 0), (1, 0, 0), 540),
+        ("G3 Y80 J40.02", (0, 80, 0), (0, 40, 0), (0, 0, 1), 180),
         ("G18 G3 Z10 CR=5", (0, 0, 10), (0, 0, 5), (0, 1, 0), 180),
         ("G19 G2 Y10 Z10 CR=-10", (0, 10, 10), (0, 0, 10), (-1, 0, 0), 270),
         ("SCALE X2 Y2\nG3 X2 I1 Z2", (4, 0, 2), (2, 0, 0), (0, 0, 1), 180),
@@ -129,7 +132,8 @@ def test_numbers_that_differ_by_rounding_compare_equal(text: str, x_mm: float) -
     ("text", "words"),
     [
         ("F100\nCIP X0 Y0 I1=5 J1=5", "CIP ends where it starts"),
-        ("F100\nG3 X.005 I5", "its end stands 0.0050 off its start"),
+        ("F100\nG3 X.005 I5", "centre is 90.0 degrees aside"),
+        ("F100\nG3 X-.04 Y80 J40.1", "radius 40.1000 at its start, 39.9000 at its end"),
         ("G641 ADIS=-1", "0 or more is expected"),
         ("G0 X1E3", "expected EX before an exponent"),
         ("M2=3", "another spindle"),
