@@ -11,7 +11,7 @@ from planner.gcode.lexer import SyntaxProblem, tokens_of
 from planner.gcode.parser import TokenReader
 from planner.gcode.program import Block, Program
 from planner.gcode.statement import Statement
-from planner.gcode.statement_reader import is_statement_start, read_statement
+from planner.gcode.statement_reader import JUMPS, is_statement_start, read_statement
 from planner.gcode.words import Word
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
@@ -183,7 +183,9 @@ def _block_number(reader: TokenReader) -> tuple[int | None, bool]:
 
 
 def _label(reader: TokenReader) -> str | None:
-    """A name before a colon; a letter with digits is one there too."""
+    """A name before a colon, unless it is a jump to a main block; a letter with digits is one there too."""
+    if reader.is_at(*JUMPS):
+        return None
     digits = reader.ahead(1)
     is_split = len(reader.token.text) == 1 and digits.text.isdigit() and digits.is_adjacent
     colon = reader.ahead(2 if is_split else 1)
