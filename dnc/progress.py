@@ -1,9 +1,11 @@
-"""What `dnc send` shows: a line per event, and on a terminal one line that counts."""
+"""Signs of life: what `dnc send` says of events, and on a terminal one line that counts."""
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
+from collections.abc import Callable
 from typing import Self, TextIO
 
 import click
@@ -13,6 +15,7 @@ from dnc.events import Alarm, Event, StateChanged
 from dnc.sender import Sender
 
 _PERIOD_S = 0.5
+_CLEAR = "\r\x1b[K"
 _HINTS = {"ARMED": "; press cycle start", "PAUSED": "; resume with dnc console, Ctrl-C aborts"}
 
 
@@ -25,24 +28,29 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() else f"<{ord(char):02X}>" for char in text)
 
 
+def _tell(text: str) -> None:
+    """A sentence on a line of its own, in place of the counting line where there is one."""
+    click.echo(f"{_CLEAR if sys.stderr.isatty() else ''}dnc: {text}", err=True)
+
+
 def event_lines(is_simulated: bool) -> Listener:
     """A listener that prints alarms and the stops of the job to stderr."""
     label = "SIMULATED " if is_simulated else ""
 
     def show(event: Event) -> None:
         if isinstance(event, Alarm):
-            click.echo(f"dnc: {label}{event.severity.value} {event.id}: {event.text}; {event.remedy}", err=True)
+            _tell(f"{label}{event.severity.value} {event.id}: {event.text}; {event.remedy}")
         elif isinstance(event, StateChanged) and event.new.value in ("ARMED", "PAUSED"):
-            click.echo(f"dnc: {label}{event.new.value}: {event.cause}{_HINTS[event.new.value]}", err=True)
+            _tell(f"{label}{event.new.value}: {event.cause}{_HINTS[event.new.value]}")
 
     return show
 
 
-class Progress:
-    """A line on a terminal, redrawn twice a second by a thread; nothing where stderr is no terminal."""
+class Ticker:
+    """A line on a terminal, redrawn twice a second by a thread and taken away at the end; nothing elsewhere."""
 
-    def __init__(self, sender: Sender, is_simulated: bool, out: TextIO) -> None:
-        self._sender, self._label, self._out = sender, "SIMULATED " if is_simulated else "", out
+    def __init__(self, line: Callable[[], str], out: TextIO) -> None:
+        self._line, self._out = line, out
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="progress", daemon=True)
 
@@ -55,17 +63,23 @@ class Progress:
         self._end.set()
         if self._thread.is_alive():
             self._thread.join(1.0)
-            self._out.write("\n")
+            self._out.write(_CLEAR)
+            self._out.flush()
 
     def _run(self) -> None:
         while not self._end.wait(_PERIOD_S):
-            self._out.write(f"\r{self._line()}\x1b[K")
+            self._out.write(f"{_CLEAR}{self._line()}")
             self._out.flush()
 
-    def _line(self) -> str:
-        sender = self._sender
-        total = sender.tape.size_bytes
-        held = ""
-        if sender.state.value == "HELD":
-            held = f" for {time.monotonic() - sender.held_since_s:.0f} s"
-        return f"{self._label}{sender.state.value}{held} {sender.offset_bytes}/{total} bytes"
+
+def job_line(sender: Sender, is_simulated: bool) -> str:
+    """State and bytes of a running job."""
+    label = "SIMULATED " if is_simulated else ""
+    held = f" for {time.monotonic() - sender.held_since_s:.0f} s" if sender.state.value == "HELD" else ""
+    return f"{label}{sender.state.value}{held} {sender.offset_bytes}/{sender.tape.size_bytes} bytes"
+
+
+def working(what: str) -> Ticker:
+    """A sign of life for work that takes a while: what it is, and for how long it has been going on."""
+    begun_s = time.monotonic()
+    return Ticker(lambda: f"{what} {time.monotonic() - begun_s:.0f} s", sys.stderr)

@@ -23,7 +23,7 @@ from dnc.names import JobNames, new_job_id
 from dnc.places import state_folder
 from dnc.port import Port, SerialPort
 from dnc.profile import Link, MachineProfile, load_profile, profile_path
-from dnc.progress import Progress, event_lines
+from dnc.progress import Ticker, event_lines, job_line, working
 from dnc.spool import load_tape
 from dnc.stamp import refuse_contradiction
 from dnc.tape import Tape
@@ -224,7 +224,8 @@ def _rehearsed(finished: Finished, mill: Rehearsal, tape: Tape, wishes: Wishes, 
     radii_mm = None if job is None else job.tool_radii_mm
     clock = machining_clock(profile_path(wishes.machine), wishes.program.absolute().parent, radii_mm)
     machining_s = clock(tape.peek(0, tape.size_bytes))
-    code, found = mill.ending(machining_s, lambda text: click.echo(f"dnc: SIMULATED: {text}", err=True))
+    with working("SIMULATED: the virtual mill is cutting"):
+        code, found = mill.ending(machining_s, lambda text: click.echo(f"dnc: SIMULATED: {text}", err=True))
     sentence = f"sent {finished.report['bytes_sent']} bytes; {found}"
     return replace(finished, report={**finished.report, "exit_code": int(code)}, exit_code=int(code), sentence=sentence)
 
@@ -237,7 +238,7 @@ def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restar
     about |= {"port": port.name, "simulated": port.is_simulated}
     hooks = hooks_of(wishes.hook, wishes.webhook, about, lambda text: click.echo(f"dnc: warning: {text}", err=True))
     job = Job(tape, port, profile, names, [event_lines(port.is_simulated), *hooks])
-    with Progress(job.sender, port.is_simulated, sys.stderr):
+    with Ticker(lambda: job_line(job.sender, port.is_simulated), sys.stderr):
         finished = job.run()
     if job.unheard_events:
         click.echo(f"dnc: warning: {job.unheard_events} events did not reach the hook in time", err=True)

@@ -56,6 +56,7 @@ def command(
 
     from dnc.planning import limits_of, line_of, machining_clock, travel_of
     from dnc.profile import load_profile, profile_path
+    from dnc.progress import working
     from planner.files import check_outputs, write_file
     from planner.job import load_job
     from planner.plan import plan_job
@@ -74,17 +75,18 @@ def command(
     # The machine's own clock takes as long as the planning itself: it runs only where its figure is shown.
     clock = machining_clock(profile_file) if is_reported or sheet is not None else None
     changes: dict[str, Any] = {"control": control, "blocks": blocks}
-    planned = plan_job(
-        job,
-        limits_of(profile),
-        post={key: value for key, value in changes.items() if value is not None},
-        rapid_mm_min=min(axis.rapid_mm_min for axis in profile.axes.values()),
-        line=line_of(profile),
-        with_rivals=is_reported,
-        lift_mm=lift_mm,
-        time_of=clock,
-        travel_mm=travel_of(profile),
-    )
+    with working(f"planning {job.name}"):
+        planned = plan_job(
+            job,
+            limits_of(profile),
+            post={key: value for key, value in changes.items() if value is not None},
+            rapid_mm_min=min(axis.rapid_mm_min for axis in profile.axes.values()),
+            line=line_of(profile),
+            with_rivals=is_reported,
+            lift_mm=lift_mm,
+            time_of=clock,
+            travel_mm=travel_of(profile),
+        )
     text = json.dumps(planned.report, indent=1) + "\n"
     _draw(planned, plot, sheet)
     write_file(output, planned.program)

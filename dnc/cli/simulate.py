@@ -48,6 +48,7 @@ def command(
 
     from dnc.errors import ExitCode, InputRejected
     from dnc.profile import profile_path
+    from dnc.progress import working
     from planner.files import check_outputs, read_program, write_file
     from planner.job import load_job
     from sim.mill import rehearse
@@ -63,13 +64,14 @@ def command(
         require_drawing()
     nominal = load_nominal(job) if job is not None else None
     data = read_program(program)
-    recording = rehearse(
-        data,
-        load_mill_profile(profile_path(machine)),
-        tool_radii_mm=None if job is None else load_job(job).tool_radii_mm,
-        subprogram_folder=program.parent,
-    )
-    verdict = _verdict(nominal, recording, pitch_mm) if nominal is not None else None
+    with working(f"cutting {program.name}" + ("" if job is None else " and measuring it")):
+        recording = rehearse(
+            data,
+            load_mill_profile(profile_path(machine)),
+            tool_radii_mm=None if job is None else load_job(job).tool_radii_mm,
+            subprogram_folder=program.parent,
+        )
+        verdict = _verdict(nominal, recording, pitch_mm) if nominal is not None else None
     made = _report(program, data, machine, recording, verdict)
     if motion is not None:
         write_file(motion, _motion_csv(recording, nominal).encode())
