@@ -16,8 +16,12 @@ def settings_of(
     tool_radii_mm: Mapping[int, float],
     subprogram_folder: Path | None = None,
     is_drip_fed: bool = True,
+    unknown_radius_mm: float | None = None,
 ) -> Settings:
-    """The control's side of interpreting a program; radii by tool number, for G41 and G42."""
+    """The control's side of interpreting a program; radii by tool number, for G41 and G42.
+
+    `unknown_radius_mm` is taken for tools without one, where what runs beside the contour does not matter.
+    """
     control = profile.control
     return Settings(
         knot_rule=KnotRule(control.knot_rule),
@@ -28,6 +32,7 @@ def settings_of(
         is_inch=control.units == "inch",
         is_drip_fed=is_drip_fed,
         subprogram_folder=subprogram_folder,
+        unknown_radius_mm=unknown_radius_mm,
         tools={number: Tool(radius_mm) for number, radius_mm in tool_radii_mm.items()},
     )
 

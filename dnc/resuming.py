@@ -87,7 +87,7 @@ def plan_restart(
     sidecar = _sidecar_of(program, data)
     points = sidecar.restart_points
     radii_mm = {sidecar.state.tool: sidecar.radius_mm} if job is None else job.tool_radii_mm
-    settings = settings_of(profile, tool_radii_mm=radii_mm, subprogram_folder=program.parent)
+    settings = settings_of(profile, tool_radii_mm=radii_mm, subprogram_folder=program.parent, unknown_radius_mm=0.0)
     heights = _heights(sidecar.state, profile)
     doubt = None
     if start_at is None:

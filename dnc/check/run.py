@@ -61,7 +61,7 @@ class Check:
         self._watch = watch
         self.found = Collection()
         self.track = Track(limits, is_inch=limits.profile.control.units == "inch")
-        self._settings = settings or settings_of(limits.profile, tool_radii_mm=limits.tool_radii_mm)
+        self._settings = settings or _settings(limits, None)
         self._interpreter: Interpreter | None = Interpreter(self._settings)
         self._windows = (RateWindow(1.0), RateWindow(1.2))
         self._errors_here = False
@@ -248,6 +248,13 @@ class Check:
         return size_bytes
 
 
+def _settings(limits: Limits, folder: Path | None) -> Settings:
+    """Tools whose radius is not known run on the programmed contour, which is told."""
+    return settings_of(
+        limits.profile, tool_radii_mm=limits.tool_radii_mm, subprogram_folder=folder, unknown_radius_mm=0.0
+    )
+
+
 def _read(body: bytes, line: int) -> Block | None:
     """The block, or None where it cannot be read."""
     try:
@@ -266,7 +273,7 @@ def check_program(path: Path, limits: Limits, progress: Progress | None = None, 
         raise InputRejected(
             f"checking programs for {dialect} is not built yet", path=path, remedy="name a SINUMERIK machine"
         )
-    settings = settings_of(limits.profile, tool_radii_mm=limits.tool_radii_mm, subprogram_folder=path.parent)
+    settings = _settings(limits, path.parent)
     check = Check(limits, settings, watch)
     check.track.is_subprogram = path.suffix.lower() == ".spf"
     line, done_bytes = 1, 0

@@ -51,6 +51,7 @@ class Track:
     is_readiness_lost: bool = False
     is_subprogram: bool = False
     has_offset: bool = False
+    is_radius_told: bool = False
     spindle_rpm: float = 0.0
     spindle_line: int | None = None
     tool: int | None = None

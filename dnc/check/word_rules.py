@@ -191,6 +191,23 @@ def empty_motion(block: Block, track: Track) -> Iterator[Finding]:
             )
 
 
+def unknown_radius(block: Block, track: Track) -> Iterator[Finding]:
+    """G41 or G42 with a tool whose radius is not known here: once for a program."""
+    for word in block.words:
+        is_on = code_of(word) in ("G41", "G42")
+        if is_on and not track.is_radius_told and track.tool not in track.limits.tool_radii_mm:
+            track.is_radius_told = True
+            yield Finding(
+                "radius-unknown",
+                Severity.NOTE,
+                block.line,
+                word.column,
+                f"the radius of tool T{track.tool or 0} is not known here",
+                "the contour is checked as it is programmed, not as the tool's centre runs beside it",
+                "name the job with --job",
+            )
+
+
 def unit_switch(block: Block, track: Track) -> Iterator[Finding]:
     """From inch to metric or back, after the first move."""
     for word in block.words:
@@ -280,6 +297,7 @@ BLOCK_RULES: tuple[BlockRule, ...] = (
     other_dialect,
     empty_motion,
     feed_in_rapid,
+    unknown_radius,
     unit_switch,
     jump_while_fed,
     spline_run,

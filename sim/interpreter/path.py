@@ -10,7 +10,7 @@ from sim.interpreter.compensation import Compensator, Side
 from sim.interpreter.frames import norm, scaled
 from sim.interpreter.outlet import Outlet
 from sim.interpreter.request import Request
-from sim.interpreter.settings import Settings
+from sim.interpreter.settings import Settings, Tool
 from sim.interpreter.spline_builders import AkimaBuilder, CubicBuilder, SplineBuilder, SplinePoint
 from sim.interpreter.state import State
 from sim.interpreter.tangents import extent, start_tangent
@@ -100,6 +100,8 @@ class Path:
     def _side(self) -> Side:
         state = self._state
         tool = self._settings.tools.get(state.tool)
+        if tool is None and self._settings.unknown_radius_mm is not None:
+            tool = Tool(self._settings.unknown_radius_mm)
         if tool is None and state.edge:
             text = f"the radius of tool T{state.tool} is not known; name the job with --job (the mill: --nominal)"
             raise ControlAlarm(AlarmNumber.COMPENSATION, text)

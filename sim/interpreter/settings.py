@@ -41,6 +41,7 @@ class Settings:
     while that offset is active, and stay continuous when another one is. `work_offsets_mm` gives machine positions of
     the work origins (default zero). `start_mm` is where the machine stands before the first block, in canonical
     coordinates. `poly_degree` is the highest degree of polynomials. `skip_levels` are the levels selected at the panel.
+    `unknown_radius_mm` is that of tools which `tools` does not list; where it is None, compensating them is an alarm.
     `backward_jump_alarm` is what a drip-fed program raises when it jumps back. `is_inch` is the basic system: the unit
     until a code sets one, and that of feeds under G70 and G71. `max_repeats` bounds every loop: jumps and blocks that
     run again, added up. Radii at the two ends of an arc may differ by `arc_tolerance_mm` or by `arc_tolerance_share` of
@@ -54,6 +55,7 @@ class Settings:
     is_drip_fed: bool = False
     subprogram_folder: Path | None = None
     tools: Mapping[int, Tool] = field(default_factory=lambda: MappingProxyType({}))
+    unknown_radius_mm: float | None = None
     has_tool_changer: bool = True
     is_inch: bool = False
     reference_offset: str = "G54"

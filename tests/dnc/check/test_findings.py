@@ -59,6 +59,7 @@ EXAMPLES: dict[Row, str] = {
     ("feed-in-rapid", "warning"): part("X9 F250\nG0 Z10\nX40 F250\n"),
     ("no-spindle-dwell", "note"): NAME + START.replace("G4 F2\n", "") + "X9 F250\n" + END,
     ("no-tool", "warning"): NAME + START.replace("T2 M6\n", "") + "X9 F250\n" + END,
+    ("radius-unknown", "note"): part("G41 X9 F250\nX20\nG40 X30 Y9\n"),
     ("rapid-below-clearance", "error"): part("X9 F250\nG0 Z10\nZ9\nG1 X20\n"),
     ("rapid-through-stock", "error"): part("X9 F250\nG0 Z10\nX-5\nZ3\nY-5\nX60 Y60\n"),
     ("rapid-z-and-xy", "warning"): part("X9 F250\nG0 Z10\nX20 Z12\n"),
