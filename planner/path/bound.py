@@ -22,6 +22,7 @@ from planner.path.trace import TracedCurve
 
 ROUNDS = 8
 FOOT_STEPS = 8
+PARTS = 4  # of an interval whose bound is loose
 CLOSE_ENOUGH = 1.05
 HALVINGS = 2  # of the nodes' distance, before a bound is taken from samples
 
@@ -95,9 +96,12 @@ def _bounds(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline], source
             break
         chosen = np.flatnonzero(is_loose)
         left, right = left.take(chosen), right.take(chosen)
-        arc = 0.5 * (left.arc_mm + right.arc_mm)
-        middle = _mark(table, left.rows, arc, 0.5 * (left.feet + right.feet), exact_at(curves, left.rows, arc))
-        left, right = left.joined(middle), middle.joined(right)
+        shares = np.arange(1, PARTS)[:, None] / PARTS
+        rows = np.tile(left.rows, PARTS - 1)
+        arc = (left.arc_mm + shares * (right.arc_mm - left.arc_mm)).ravel()
+        near = (left.feet + shares * (right.feet - left.feet)).ravel()
+        inner = _mark(table, rows, arc, near, exact_at(curves, rows, arc))
+        left, right = left.joined(inner), inner.joined(right)
     return total
 
 

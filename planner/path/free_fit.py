@@ -179,13 +179,12 @@ def _hold(jacobian: Array, fit: Fit) -> None:
     jacobian[[[3], [7]], :, index.lasts] = 0.0
     widths = fit.knots[3] - fit.knots[2]
     is_held = widths <= 1.05 * NARROWEST * (index.total(widths) / index.counts)[index.owners]
-    spans = np.arange(len(widths))
-    for number in range(6):
-        # The knot lies between this span of the spline and the one after it.
-        before = index.ranks + number - 3
-        is_inner = (before >= 0) & (before + 1 < index.counts[index.owners])
-        at = np.where(is_inner, spans + number - 3, 0)
-        jacobian[8 + number] *= is_inner & ~is_held[at] & ~is_held[np.minimum(at + 1, len(widths) - 1)]
+    # A knot lies between one span of the spline and the one after it.
+    offset = np.arange(-3, 3)[:, None]
+    is_inner = (index.ranks + offset >= 0) & (index.ranks + offset + 1 < index.counts[index.owners])
+    before = np.where(is_inner, np.arange(len(widths)) + offset, 0)
+    after = np.minimum(before + 1, len(widths) - 1)
+    jacobian[8:] *= (is_inner & ~is_held[before] & ~is_held[after])[:, None]
 
 
 def _powers_of(knots: Array, points: Array) -> tuple[Array, Array, Array, Array]:

@@ -112,8 +112,8 @@ class PatchSlopes:
         start, stop = self._parameters[:, node], self._parameters[:, node + 1]
         width = self._keys[node + 1] - self._keys[node]
         room, low, high = _boxes(self._surface, start, stop)
-        speeds = [self._table.over(speed, low, high) for speed in (self._table.u_speed, self._table.v_speed)]
-        least, most = np.stack([speed.low for speed in speeds]), np.stack([speed.high for speed in speeds])
+        speeds = self._table.over(self._table.speeds, low, high)
+        least, most = speeds.low, speeds.high
         # Every point is within half the width of a node, so the curve cannot have left the box it was assumed in.
         is_inside = (np.maximum(np.abs(least), np.abs(most)) * 0.51 * width <= room).all(axis=0)
         least, most = np.where(is_inside, least, 0.0), np.where(is_inside, most, 0.0)

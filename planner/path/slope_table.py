@@ -13,7 +13,7 @@ from math import comb
 
 import numpy as np
 
-from planner.path.interval import Range, cross, dot
+from planner.path.interval import Range, cross, dot, stack
 from planner.path.model import Array
 from planner.path.offset import OffsetSurface
 from planner.path.plane_spline import Index
@@ -24,13 +24,12 @@ FEW_CELLS, MOST_CELLS = 4000, 100_000
 
 @dataclass(frozen=True, slots=True)
 class SlopeTable:
-    """Cells between `u_edges` (i + 1,) and `v_edges` (j + 1,); `slope`, `u_speed`, `v_speed` are ranges (i, j)."""
+    """Cells between `u_edges` (i + 1,) and `v_edges` (j + 1,): ranges `slope` (i, j), `speeds` (2, i, j) of u and v."""
 
     u_edges: Array
     v_edges: Array
     slope: Range
-    u_speed: Range
-    v_speed: Range
+    speeds: Range
 
     @property
     def cells(self) -> int:
@@ -38,20 +37,24 @@ class SlopeTable:
         return self.slope.low.size
 
     def over(self, what: Range, low: Array, high: Array) -> Range:
-        """The range of `what` over boxes from low (2, k) to high (2, k) of (u, v); all numbers beyond the cells."""
+        """The range (..., k) of `what` (..., i, j) over boxes from low (2, k) to high (2, k) of (u, v).
+
+        All numbers for boxes that reach beyond the cells.
+        """
         first, last = [], []
         for axis, edges in ((0, self.u_edges), (1, self.v_edges)):
             first.append(np.searchsorted(edges, low[axis], side="left") - 1)
             last.append(np.searchsorted(edges, high[axis], side="right") - 1)
-        shape = what.low.shape
+        shape = self.slope.low.shape
         is_inside = (first[0] >= 0) & (first[1] >= 0) & (last[0] < shape[0]) & (last[1] < shape[1])
-        least, most = np.full(low.shape[1], np.inf), np.full(low.shape[1], -np.inf)
+        found = (*what.low.shape[:-2], low.shape[1])
+        least, most = np.full(found, np.inf), np.full(found, -np.inf)
         for i in range(int((last[0] - first[0])[is_inside].max(initial=0)) + 1):
             for j in range(int((last[1] - first[1])[is_inside].max(initial=0)) + 1):
                 at = np.flatnonzero(is_inside & (first[0] + i <= last[0]) & (first[1] + j <= last[1]))
-                cell = first[0][at] + i, first[1][at] + j
-                least[at] = np.minimum(least[at], what.low[cell])
-                most[at] = np.maximum(most[at], what.high[cell])
+                cell = (..., first[0][at] + i, first[1][at] + j)
+                least[..., at] = np.minimum(least[..., at], what.low[cell])
+                most[..., at] = np.maximum(most[..., at], what.high[cell])
         return Range(np.where(is_inside, least, -np.inf), np.where(is_inside, most, np.inf))
 
 
@@ -77,8 +80,8 @@ def slope_table(surface: OffsetSurface, finer: int = 1, reach: tuple[Array, Arra
     half = half.reshape(len(reach_u), patch.degree_u + 1, *points.shape[1:])
     nets = np.einsum("ejb,ciebd->ijdce", in_v.weights, half[:, :, reach_v]).copy()
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        slope, u_speed, v_speed = _bend_rates(surface, nets, in_u.widths[:, None], in_v.widths[None, :])
-    return SlopeTable(in_u.edges, in_v.edges, _widened(slope), _widened(u_speed), _widened(v_speed))
+        slope, speeds = _bend_rates(surface, nets, in_u.widths[:, None], in_v.widths[None, :])
+    return SlopeTable(in_u.edges, in_v.edges, _widened(slope), _widened(speeds))
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,14 +124,14 @@ def _cells(basis: SpanBasis, a_span: int, low: float, high: float) -> _Cells:
 
 def _derivative(nets: Array, by_u: int, by_v: int, u_width: Array, v_width: Array) -> Range:
     """The range (d, c, e) of a derivative, from the Bernstein points (p + 1, q + 1, d, c, e) of the cells."""
-    for _ in range(by_u):
-        nets = (nets.shape[0] - 1) * np.diff(nets, axis=0) / u_width
-    for _ in range(by_v):
-        nets = (nets.shape[1] - 1) * np.diff(nets, axis=1) / v_width
+    scale = 1.0 / (u_width**by_u * v_width**by_v)
+    for axis in [0] * by_u + [1] * by_v:
+        scale = (nets.shape[axis] - 1) * scale
+        nets = np.diff(nets, axis=axis)
     if 0 in nets.shape:
         zero = np.zeros(nets.shape[2:])
         return Range(zero, zero)
-    return Range(nets.min(axis=(0, 1)), nets.max(axis=(0, 1)))
+    return Range(scale * nets.min(axis=(0, 1)), scale * nets.max(axis=(0, 1)))
 
 
 def _rational(nets: Array, u_width: Array, v_width: Array) -> Callable[[int, int], Range]:
@@ -155,8 +158,8 @@ def _rational(nets: Array, u_width: Array, v_width: Array) -> Callable[[int, int
     return of
 
 
-def _bend_rates(surface: OffsetSurface, nets: Array, u_width: Array, v_width: Array) -> tuple[Range, Range, Range]:
-    """d(curvature)/ds, u' and v' of passes through each cell, (F14)."""
+def _bend_rates(surface: OffsetSurface, nets: Array, u_width: Array, v_width: Array) -> tuple[Range, Range]:
+    """d(curvature)/ds (c, e) and the speeds u', v' (2, c, e) of passes through each cell, (F14)."""
 
     def polynomial(by_u: int, by_v: int) -> Range:
         return _derivative(nets, by_u, by_v, u_width, v_width)
@@ -185,7 +188,7 @@ def _bend_rates(surface: OffsetSurface, nets: Array, u_width: Array, v_width: Ar
     q_ppp = q_ppp + (u.square() * v * of(2, 1)).times(3.0) + (u * v.square() * of(1, 2)).times(3.0)
     slope = (dot(normal, q_ppp) + dot(normal_s, q_pp).times(3.0)) * spread
     slope = slope + (bend * normal.part(1) * normal_s.part(1)).times(3.0) * spread.square()
-    return slope, u, v
+    return slope, stack([u, v])
 
 
 def _ends(values: Range) -> tuple[Array, Array]:
