@@ -20,7 +20,7 @@ from planner.path.slope_table import SlopeTable
 from planner.path.spline_table import SplineTable
 from planner.path.trace import TracedCurve
 
-ROUNDS = 8
+ROUNDS = 4
 FOOT_STEPS = 8
 PARTS = 4  # of an interval whose bound is loose
 CLOSE_ENOUGH = 1.05

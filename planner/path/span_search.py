@@ -142,10 +142,10 @@ class SpanSearch:
         self._lengthen({row: candidate for row, candidate in got.items() if not self._accept(row, candidate)})
 
     def _more(self, row: int, candidate: Candidate) -> int:
-        """The next number of spans: the sixth-order guess, kept a little low so as not to miss the fewest."""
+        """The next number of spans: most of the way to the sixth-order guess, so as not to miss the fewest."""
         guess = candidate.spans * (candidate.error_mm / self._aims_mm[row]) ** (1 / 6)
         most = min(4 * candidate.spans, self._fitter.most_fresh, self._most_spans)
-        return int(min(max(candidate.spans + 1, 0.8 * guess), most))
+        return int(min(max(candidate.spans + 1, candidate.spans + 0.7 * (guess - candidate.spans)), most))
 
     def _follow(self, rows: Sequence[int]) -> None:
         """Start each curve from its fitted neighbours; where that fails, add knots."""
