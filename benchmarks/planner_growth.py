@@ -111,6 +111,7 @@ def _draw(by_cut: list[Line], by_tolerance: list[Line]) -> None:
         _, across, up = lines[0]
         axes.loglog(across, up[0] * (np.array(across) / across[0]) ** power, "k:", label=law)
         axes.grid(visible=True, which="both", alpha=0.25)
+        axes.set_ylim(top=3 * max(max(up) for _, _, up in lines))
         axes.legend(frameon=False)
     left.set(xlabel="length of all passes, mm", ylabel="planning time, s", title="Time over cut, 1 um")
     right.set(xlabel="path tolerance, mm", ylabel="spans a pass", title="Spans over tolerance")

@@ -46,7 +46,8 @@ def main() -> int:
     )
     for surface, planes, ends, tolerances in cases:
         print(
-            f"\n{surface}, {len(planes)} passes from x = {ends[0]} to {ends[1]}, y = {planes[0]:g} ... {planes[-1]:g}\n"
+            f"\n{surface}: {len(planes)} pass{'es' if len(planes) > 1 else ''} "
+            f"from x = {ends[0]} to {ends[1]}, y = {planes[0]:g} ... {planes[-1]:g}\n"
         )
         print(f"| way | {' | '.join(f'{1e3 * path_mm:g} um' for path_mm in tolerances)} |")
         print(f"|---|{'---|' * len(tolerances)}")
