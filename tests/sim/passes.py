@@ -1,4 +1,4 @@
-"""Ways of the ball for tests: centres on the offset of a patch in planes y = const, joined by splines or chords."""
+"""Ways of the cutter for tests: passes on the offset of a patch, joined by splines or chords, and a plunge at the end."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from sim.interpreter.canon import Line, Motion, Polynomial
+from sim.interpreter.canon import Line, Motion, Polynomial, Rapid
 from sim.nominal_patch import NominalPatch
 
 Floats = NDArray[np.float64]
@@ -73,3 +73,10 @@ def chord_pass(centres: Floats, line: int) -> list[Motion]:
     """Straight motions through the centres, lines counted from `line`."""
     pairs = itertools.pairwise(centres)
     return [Line(line + k, None, tuple(a), tuple(b), 250.0) for k, (a, b) in enumerate(pairs)]
+
+
+def plunged(motions: list[Motion], low: tuple[float, float, float]) -> list[Motion]:
+    """The motions, then through the air to above a place, and down to it, where the program ends."""
+    end, high = motions[-1].end, 30.0
+    above = [(end[0], end[1], high), (low[0], low[1], high)]
+    return [*motions, Rapid(800, 1, end, above[0]), Rapid(801, 2, *above), Line(900, 9, above[1], low, 100.0)]
