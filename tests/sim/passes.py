@@ -1,4 +1,4 @@
-"""Ways of the cutter for tests: passes on the offset of a patch, joined by splines or chords, and a plunge at the end."""
+"""Ways of the cutter for tests: passes on the offset of a patch, as splines or chords, and a plunge behind them."""
 
 from __future__ import annotations
 

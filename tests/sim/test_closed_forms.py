@@ -165,7 +165,7 @@ def test_a_plunge_smaller_than_the_probe_grid_is_found(pitch_mm: float) -> None:
     motions: list[Motion] = [
         Line(k + 5, None, (-6.0, k * pick, 0.3), (11.0, k * pick, 0.3), 250.0) for k in range(-9, 60)
     ]
-    motions = plunged(ball, motions, (2.13, 3.05, 0.299))
+    motions = plunged(motions, (2.13, 3.05, 0.299))
     verdict = judge(nominal_of(plane(size=5.0)), ball, motions, reference="centre", probe_pitch_mm=pitch_mm)
     assert verdict.gouge_mm == pytest.approx(0.001, abs=1e-8)
     assert verdict.gouges[0].line == 900
