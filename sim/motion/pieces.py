@@ -59,9 +59,12 @@ class Pieces:
         self.count = count
 
     def limit(self, override: float, first: int) -> None:
-        """Speeds and nodes of the pieces from `first` on, for this override (1.0 as programmed)."""
+        """Speeds and nodes of the pieces from `first` on, for this override (1.0 as programmed); rapids up to 1.0."""
         rows = self.rows[first : self.count]
-        speeds = np.minimum(rows[:, CAP], self.feeds[first : self.count] * override)
+        feeds = self.feeds[first : self.count]
+        is_rapid = np.isinf(feeds)
+        as_set = np.where(is_rapid, rows[:, CAP] * min(override, 1.0), np.where(is_rapid, 0.0, feeds) * override)
+        speeds = np.minimum(rows[:, CAP], as_set)
         nodes = np.minimum(rows[:, KNOT], speeds)
         nodes[:-1] = np.minimum(nodes[:-1], speeds[1:])
         rows[:, SPEED] = speeds

@@ -152,6 +152,28 @@ def test_override_changes_the_feed_without_breaking_a_limit() -> None:
     assert np.max(np.abs(np.diff(x, n=3))) / 0.004**3 <= 20000.0 * (1.0 + 1e-6)
 
 
+def test_rapids_follow_the_override_up_to_100_percent() -> None:
+    """(7.1, 5.8) Half of it, no more above 100 %, and at 0 % the axes stand until it is raised."""
+    fastest = {}
+    for percent in (100.0, 50.0, 120.0):
+        machine = Machine(mill(), 0.004, is_compiled=False)
+        machine.set_override(percent)
+        machine.offer(canon.Rapid(1, None, (0.0, 0.0, 0.0), (300.0, 0.0, 0.0)))
+        machine.close()
+        fastest[percent] = float(np.max(machine.advance(math.inf).feed_mm_min))
+    assert fastest[50.0] == pytest.approx(fastest[100.0] / 2.0, rel=1e-6)
+    assert fastest[120.0] == fastest[100.0]
+    machine = Machine(mill(), 0.004, is_compiled=False)
+    machine.set_override(0.0)
+    machine.offer(canon.Rapid(1, None, (0.0, 0.0, 0.0), (300.0, 0.0, 0.0)))
+    machine.close()
+    machine.advance(5.0)
+    assert machine.snapshot().position_mm == (0.0, 0.0, 0.0)
+    machine.set_override(100.0)
+    machine.advance(math.inf)
+    assert machine.snapshot().position_mm == (300.0, 0.0, 0.0)
+
+
 def test_dense_programs_run_far_faster_than_the_machine() -> None:
     """(7.5) 20,000 blocks of 0.2 mm after warm-up; the bound is a fifth of what an idle core does."""
     pytest.importorskip("numba")
