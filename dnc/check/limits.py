@@ -30,6 +30,16 @@ class Limits:
         """The slowest cut and the speed of the fastest axis; a feed outside is a mistake."""
         return 1.0, max(axis.rapid_mm_min for axis in self.profile.axes.values())
 
+    def reach_mm(self, axis: str, is_zero_shifted: bool) -> tuple[float, float]:
+        """The least and the greatest position that an axis can take.
+
+        Without a work offset that is its travel. With one it is what a zero point anywhere in the travel leaves.
+        """
+        travel = self.profile.axes[axis]  # type: ignore[index]
+        if not is_zero_shifted:
+            return travel.min_mm, travel.max_mm
+        return travel.min_mm - travel.max_mm, travel.max_mm - travel.min_mm
+
 
 def limits_of(profile: MachineProfile, job: Job | None) -> Limits:
     """The limits of a machine, with those of the job where there is one."""

@@ -195,22 +195,22 @@ def reversal(command: canon.Command, track: Track) -> Iterator[Finding]:
 
 
 def axis_limit(command: canon.Command, track: Track) -> Iterator[Finding]:
-    """An end beyond the travel of an axis, with the work offset at machine zero."""
+    """An end beyond the travel of an axis; with a work offset, beyond it wherever the zero point lies."""
     if not isinstance(command, (canon.Rapid, *_FEEDS)):
         return
+    is_shifted = track.is_zero_shifted and not (isinstance(command, canon.Rapid) and command.is_machine)
     for axis, name in enumerate(_AXES):
-        travel = track.limits.profile.axes[name]  # type: ignore[index]
+        least_mm, most_mm = track.limits.reach_mm(name, is_shifted)
         at_mm = command.end[axis]
-        if at_mm != command.start[axis] and not travel.min_mm <= at_mm <= travel.max_mm:
-            yield Finding(
-                "axis-limit",
-                Severity.ERROR,
-                command.line,
-                1,
-                f"{name} {at_mm:g} is outside its travel {travel.min_mm:g} to {travel.max_mm:g}",
-                "checked with the work offset at machine zero",
-                "check zero point and profile, or move the part",
-            )
+        if at_mm == command.start[axis] or least_mm <= at_mm <= most_mm:
+            continue
+        if is_shifted:
+            what = f"{name} {at_mm:g} is farther from the zero point than the axis travels, {most_mm:g} mm"
+            why, remedy = "no zero point within the travel reaches it", "look for a point or a sign that was lost"
+        else:
+            what = f"{name} {at_mm:g} is outside its travel {least_mm:g} to {most_mm:g}"
+            why, remedy = "no work offset is at work here", "check position, work offset and profile"
+        yield Finding("axis-limit", Severity.ERROR, command.line, 1, what, why, remedy)
 
 
 def steep_plunge(command: canon.Command, track: Track) -> Iterator[Finding]:

@@ -66,8 +66,8 @@ def doubtful(
     found |= _bad_numbers(values[:, 0], track)
     found |= _odd_feeds(values[:, 5], track)
     for axis, name in enumerate(("X", "Y", "Z")):
-        travel = track.limits.profile.axes[name]  # type: ignore[index]
-        found |= (ends[:, axis] < travel.min_mm) | (ends[:, axis] > travel.max_mm)
+        least_mm, most_mm = track.limits.reach_mm(name, track.is_zero_shifted)
+        found |= (ends[:, axis] < least_mm) | (ends[:, axis] > most_mm)
     rows = np.flatnonzero(has_moved)
     if len(rows) and track.direction is not None:
         found[rows] |= _turns(ends[rows] - before[rows], track.direction, slack)

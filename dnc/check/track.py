@@ -51,6 +51,7 @@ class Track:
     is_readiness_lost: bool = False
     is_subprogram: bool = False
     has_offset: bool = False
+    is_zero_shifted: bool = False
     is_radius_told: bool = False
     spindle_rpm: float = 0.0
     spindle_line: int | None = None
@@ -116,7 +117,8 @@ class Track:
             group = GROUP_OF.get(code) if code is not None else None
             if code is not None and group is ModalGroup.UNITS:
                 self.is_inch = is_inch(code)
-            self.has_offset |= group is ModalGroup.WORK_OFFSET
+            if group is ModalGroup.WORK_OFFSET:
+                self.has_offset, self.is_zero_shifted = True, code != "G500"
 
     def _see_splines(self, block: Block) -> None:
         self.motion_code = motion_code_of(block) or self.motion_code

@@ -188,7 +188,23 @@ def test_an_inch_machine_has_inches_from_the_start() -> None:
     body = "G1 X1 F10\n{}\nX3\n"
     assert ids(body.format("G70"), inch, head, "G0 Z2\nM5\nM30\n") == []
     assert ("unit-switch", 2) in ids(body.format("G71"), inch, head, "G0 Z2\nM5\nM30\n")
-    assert ("axis-limit", 2) in ids("G1 X1 F10\nX50\n", inch, head, "G0 Z2\nM5\nM30\n")
+    assert ("axis-limit", 2) in ids("G1 X1 F10\nX70\n", inch, head, "G0 Z2\nM5\nM30\n")
+
+
+@pytest.mark.parametrize(
+    ("offset", "middle", "found"),
+    [
+        ("G54", "G1 X10 F250\nX-600\n", []),
+        ("G54", "G1 X10 F250\nX-1501\n", [("axis-limit", 2)]),
+        ("G500", "G1 X10 F250\nX-501\n", [("axis-limit", 2)]),
+        ("G54", "G1 X10 F250\nG0 Z10\nSUPA X-501 D0\n", [("axis-limit", 3)]),
+        ("G500", "G1 X10 F250\nG54 X-501\nG500 X-502 Y1\n", [("axis-limit", 3)]),
+    ],
+)
+def test_travel_leaves_room_for_a_zero_point(offset: str, middle: str, found: list[tuple[str, int]]) -> None:
+    """(6.10) X travels from -500 to 1000: under G54 a zero point at 1000 leaves -1500; G500 and SUPA leave nothing."""
+    got = ids(middle, head=HEAD.replace("G54", offset))
+    assert [each for each in got if each[0] == "axis-limit"] == found
 
 
 @given(st.lists(st.integers(0, 10**7), max_size=30), st.integers(0, 10**7))
