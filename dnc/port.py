@@ -115,6 +115,7 @@ class SerialPort:
             raise
         self._fd = self._serial.fileno()
         self._settings = termios.tcgetattr(self._fd)
+        self._has_dsr = self._modem is None and self._is_dsr_on()
         self._empty_reads = 0
 
     def fileno(self) -> int:
@@ -160,15 +161,20 @@ class SerialPort:
         if self._modem is None:
             return True
         try:
-            (lines,) = struct.unpack("I", fcntl.ioctl(self._fd, termios.TIOCMGET, b"\0\0\0\0"))
+            return self._is_on(self._modem.mask)
         except OSError as problem:
             raise self._lost(problem) from None
-        return bool(lines & self._modem.mask)
 
     def changed_settings(self) -> str:
-        """Which settings differ from those at opening; a pty reads back wrong, so it is never asked."""
+        """Which settings differ from those at opening; a pty reads back wrong, so it is never asked.
+
+        A control whose DSR was on at the opening and is off now was switched off or unplugged: PortLost, or the XON of
+        its next power-on would resume the job.
+        """
         if self.is_simulated:
             return ""
+        if self._has_dsr and not self._is_dsr_on():
+            raise PortLost(f"{self.name}: DSR went off, the control was switched off or its cable was pulled")
         try:
             now = termios.tcgetattr(self._fd)
         except (OSError, termios.error) as problem:
@@ -231,6 +237,16 @@ class SerialPort:
             raise PortUnavailable(
                 f"{self.name} does not accept {wrong}; choose a format the adapter knows, or software_parity = true"
             )
+
+    def _is_dsr_on(self) -> bool:
+        """Whether the control shows that it is there; False where the device has no such line."""
+        with contextlib.suppress(OSError):
+            return self._is_on(termios.TIOCM_DSR)
+        return False
+
+    def _is_on(self, mask: int) -> bool:
+        (lines,) = struct.unpack("I", fcntl.ioctl(self._fd, termios.TIOCMGET, b"\0\0\0\0"))
+        return bool(lines & mask)
 
     def _is_hung_up(self) -> bool:
         poll = select.poll()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -17,7 +18,6 @@ from pathlib import Path
 import pytest
 
 from dnc.errors import ExitCode, PortLost, PortUnavailable
-from dnc.locks import UucpLock, lock_name
 from dnc.port import _MODEM, SerialPort, identity_of
 from dnc.port_settings import set_flow_characters
 from dnc.profile import Link
@@ -204,6 +204,26 @@ def test_the_modem_line_of_the_handshake_is_read(
     assert port.close()
 
 
+@pytest.mark.parametrize(("at_opening", "is_missed"), [(termios.TIOCM_DSR, True), (termios.TIOCM_CTS, False)])
+def test_a_control_that_is_switched_off_is_port_lost(
+    cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch, at_opening: int, is_missed: bool
+) -> None:
+    """(5.7; faults C9, L11) Where its DSR was on at the opening; by a fake, because a pty has none."""
+    lines, real = [at_opening], fcntl.ioctl
+
+    def ioctl(fd: int, what: int, *more: object) -> object:
+        return struct.pack("I", lines[0]) if what == termios.TIOCMGET else real(fd, what, *more)  # type: ignore[call-overload]
+
+    monkeypatch.setattr(fcntl, "ioctl", ioctl)
+    monkeypatch.setattr("dnc.port.is_pty", lambda _device: False)
+    port = SerialPort(cable[1], Link())
+    assert port.changed_settings() == ""
+    lines[0] = 0
+    with pytest.raises(PortLost, match="switched off") if is_missed else contextlib.nullcontext():
+        port.changed_settings()
+    assert port.close()
+
+
 def test_software_parity_on_the_wire(cable: tuple[int, str]) -> None:
     """(5.4) 7E1 where the driver cannot: the parity bit is in the bytes."""
     master, name = cable
@@ -238,26 +258,6 @@ def eventually(is_so: Callable[[], bool]) -> bool:
         if is_so():
             return True
     return False
-
-
-def test_lock_files(tmp_path: Path) -> None:
-    """(5.5) UUCP locks: a living holder is named, a dead one's file is taken over, ours is removed."""
-    device = Path("/dev/ttyUSB7")
-    lock = UucpLock(device, tmp_path)
-    path = tmp_path / lock_name(device)
-    assert lock.acquire() is None
-    assert int(path.read_text()) == os.getpid()
-    other = UucpLock(device, tmp_path).acquire()
-    assert other is not None
-    assert str(os.getpid()) in other
-    lock.release()
-    assert not path.exists()
-    path.write_text("  99999999\n")
-    assert lock.acquire() is None
-    lock.release()
-    path.write_text("not a pid")
-    assert lock.acquire() is None
-    lock.release()
 
 
 def test_a_pty_born_anew_is_another_port() -> None:

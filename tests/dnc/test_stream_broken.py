@@ -11,7 +11,7 @@ from dnc.events import Event, JobState
 from dnc.pacing import Pace
 from dnc.port import Flow
 from dnc.stream import Stream
-from tests.helpers.line import XON, NoJournal, sender_of, states, tape_of
+from tests.helpers.line import XOFF, XON, NoJournal, alarm_ids, sender_of, states, tape_of
 
 PROGRAM = b"G1 X1\n" * 400 + b"M30\n%\n"
 
@@ -91,6 +91,32 @@ def test_a_lost_port_purges_and_faults(tmp_path: Path) -> None:
     stream.run()
     assert sender.state is JobState.FAULTED
     assert port.is_purged
+    stream.close()
+    port.close()
+
+
+class SilentPort(BrokenPort):
+    """A port whose look at the modem lines, once a second, finds the control gone."""
+
+    def write(self, data: bytes) -> int:
+        return len(data)
+
+    def changed_settings(self) -> str:
+        raise self.fails
+
+
+def test_a_control_that_comes_back_resumes_nothing(tmp_path: Path) -> None:
+    """(5.7; fault C9) Held when it was switched off: the job is over before the XON of its power-on."""
+    port = SilentPort(PortLost("DSR went off"))
+    port.hear(XOFF)
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    told: list[Event] = []
+    stream = Stream(sender, port, NoJournal(), told.append)  # type: ignore[arg-type]
+    stream.run()
+    sent = sender.offset_bytes
+    assert (states(told)[-1], alarm_ids(told)) == (JobState.FAULTED, ["DNC-A1"])
+    assert sender.hear(XON, 100.0) == []
+    assert (sender.take(100, 100.0), sender.offset_bytes) == (b"", sent)
     stream.close()
     port.close()
 
