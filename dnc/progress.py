@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import threading
 import time
@@ -28,9 +29,13 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() else f"<{ord(char):02X}>" for char in text)
 
 
-def _tell(text: str) -> None:
-    """A sentence on a line of its own, in place of the counting line where there is one."""
-    click.echo(f"{_CLEAR if sys.stderr.isatty() else ''}dnc: {text}", err=True)
+def tell(text: str) -> None:
+    """A sentence on a line of its own, in place of the counting line where there is one.
+
+    A terminal that is gone, or a full disk behind stderr, changes nothing for the job.
+    """
+    with contextlib.suppress(OSError):
+        click.echo(f"{_CLEAR if sys.stderr.isatty() else ''}dnc: {text}", err=True)
 
 
 def event_lines(is_simulated: bool) -> Listener:
@@ -39,9 +44,9 @@ def event_lines(is_simulated: bool) -> Listener:
 
     def show(event: Event) -> None:
         if isinstance(event, Alarm):
-            _tell(f"{label}{event.severity.value} {event.id}: {event.text}; {event.remedy}")
+            tell(f"{label}{event.severity.value} {event.id}: {event.text}; {event.remedy}")
         elif isinstance(event, StateChanged) and event.new.value in ("ARMED", "PAUSED"):
-            _tell(f"{label}{event.new.value}: {event.cause}{_HINTS[event.new.value]}")
+            tell(f"{label}{event.new.value}: {event.cause}{_HINTS[event.new.value]}")
 
     return show
 
@@ -63,12 +68,15 @@ class Ticker:
         self._end.set()
         if self._thread.is_alive():
             self._thread.join(1.0)
-            self._out.write(_CLEAR)
-            self._out.flush()
+            self._write(_CLEAR)
 
     def _run(self) -> None:
         while not self._end.wait(_PERIOD_S):
-            self._out.write(f"{_CLEAR}{self._line()}")
+            self._write(f"{_CLEAR}{self._line()}")
+
+    def _write(self, text: str) -> None:
+        with contextlib.suppress(OSError):
+            self._out.write(text)
             self._out.flush()
 
 

@@ -23,7 +23,7 @@ from dnc.names import JobNames, new_job_id
 from dnc.places import state_folder
 from dnc.port import Port, SerialPort
 from dnc.profile import Link, MachineProfile, load_profile, profile_path
-from dnc.progress import Ticker, event_lines, job_line, working
+from dnc.progress import Ticker, event_lines, job_line, tell, working
 from dnc.spool import load_tape
 from dnc.stamp import refuse_contradiction
 from dnc.tape import Tape
@@ -225,37 +225,37 @@ def _rehearsed(finished: Finished, mill: Rehearsal, tape: Tape, wishes: Wishes, 
     clock = machining_clock(profile_path(wishes.machine), wishes.program.absolute().parent, radii_mm)
     machining_s = clock(tape.peek(0, tape.size_bytes))
     with working("SIMULATED: the virtual mill is cutting"):
-        code, found = mill.ending(machining_s, lambda text: click.echo(f"dnc: SIMULATED: {text}", err=True))
+        code, found = mill.ending(machining_s, lambda text: tell(f"SIMULATED: {text}"))
     sentence = f"sent {finished.report['bytes_sent']} bytes; {found}"
     return replace(finished, report={**finished.report, "exit_code": int(code)}, exit_code=int(code), sentence=sentence)
 
 
 def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restart: dict[str, Any] | None) -> Finished:
     for warning in line_warnings(profile, port):
-        click.echo(f"dnc: warning: {warning}", err=True)
+        tell(f"warning: {warning}")
     names = JobNames(new_job_id(), str(wishes.program), wishes.machine, restart)
     about: dict[str, Any] = {"job": names.job_id, "program": names.program, "machine": names.machine}
     about |= {"port": port.name, "simulated": port.is_simulated}
-    hooks = hooks_of(wishes.hook, wishes.webhook, about, lambda text: click.echo(f"dnc: warning: {text}", err=True))
+    hooks = hooks_of(wishes.hook, wishes.webhook, about, lambda text: tell(f"warning: {text}"))
     job = Job(tape, port, profile, names, [event_lines(port.is_simulated), *hooks])
     with Ticker(lambda: job_line(job.sender, port.is_simulated), sys.stderr):
         finished = job.run()
     if job.unheard_events:
-        click.echo(f"dnc: warning: {job.unheard_events} events did not reach the hook in time", err=True)
+        tell(f"warning: {job.unheard_events} events did not reach the hook in time")
     return finished
 
 
 def _ending(finished: Finished, wishes: Wishes) -> int:
     text = json.dumps(finished.report, indent=1)
     label = "SIMULATED: " if finished.report["simulated"] else ""
-    click.echo(f"dnc: {label}{finished.sentence}", err=True)
+    tell(f"{label}{finished.sentence}")
     if wishes.report is not None:
         try:
             write_file(wishes.report, f"{text}\n".encode())
         except InputRejected as problem:
             if finished.exit_code == 0:
                 raise
-            click.echo(f"dnc: {problem}", err=True)
+            tell(str(problem))
     if wishes.as_json:
         click.echo(text)
     return finished.exit_code

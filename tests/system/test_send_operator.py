@@ -9,6 +9,8 @@ import os
 import pty
 import signal
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -60,6 +62,22 @@ def test_an_impatient_operator_loses_nothing(tmp_path: Path) -> None:
         with SendProcess(tmp_path, program, peer.pty) as again:
             code, words = again.finish()
     assert (code, "--control-was-reset" in words) == (9, True)
+
+
+@pytest.mark.parametrize("how", ["2>/dev/full", "2>&-", ">&- 2>&- <&-"])
+def test_a_lost_terminal_changes_nothing(tmp_path: Path, how: str) -> None:
+    """(5.7; fault O2) Whatever became of stderr, the bytes are the tape's alone, and the exit code is the job's."""
+    program = program_at(tmp_path, 20)
+    with PeerProcess(baud=38400, quiet_s=0.3) as peer:
+        command = (
+            f"exec {sys.executable} -m dnc send {program} --port {peer.pty} {FAST} --report {tmp_path}/r.json {how}"
+        )
+        environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path), "XDG_RUNTIME_DIR": str(runtime_of(tmp_path))}
+        ran = subprocess.run(["/bin/sh", "-c", command], env=environment, check=False, timeout=30)
+        seen = peer.report()
+    report = checked(json.loads((tmp_path / "r.json").read_text()))
+    assert (ran.returncode, report["outcome"]) == (0, "SENT")
+    assert seen["bytes_received"] == report["bytes_sent"] == len(program.read_bytes())
 
 
 def test_sigterm_pauses_at_a_block_end(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def test_weights_are_read(tmp_path: Path) -> None:
         ("knots_v = [0, 0, 1, 1]", "knots_v = [0, 1, 1, 1]", 3, "no span"),
         ("[[0, 10, 0], [10, 10, 1]]", "[[0, 10, 0]]", 6, "full grid"),
         ("[10, 10, 1]", "[10, 10, nan]", 6, "nan"),
-        ("[10, 10, 1]", "[10, 10]", 6, "length 3"),
+        ("[10, 10, 1]", "[10, 10]", 6, "list of 3"),
         ("[10, 10, 1]", "[10, 1e12, 1]", 6, "beyond 100000 mm"),
         ("degree = [1, 1]", "degree = [0, 1]", 1, ">= 1"),
         ("degree = [1, 1]", "degre = [1, 1]", 1, "did you mean degree"),
