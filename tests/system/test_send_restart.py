@@ -220,20 +220,22 @@ def test_check_first_stops_a_bad_program(tmp_path: Path) -> None:
 
 
 def test_check_first_knows_tool_radii_and_stock_of_the_job(tmp_path: Path) -> None:
-    """(6.2) Without the job the alarm names the option that gives the radius; with it the program goes out."""
-    program = tmp_path / "contour.mpf"
-    head = b"G17 G40 G64 G71 G90 G94\nG54\nT2 M6\nD1\nG0 Z50\nG0 X0 Y0\nS1000 M3\nG4 F2\n"
-    cut = b"G1 Z11 F100\nG1 G41 X20 Y0 F250\nX40\nY40\nG40 X60 Y60\nG0 Z50\nM5\nM30\n"
-    program.write_bytes(head + cut)
+    """(6.2, 6.10) An arc too tight for the job's tool keeps the program back; without a job nothing is known of it."""
+    head = "G17 G40 G64 G71 G90 G94\nG54\nT2 M6\nD1\nG0 Z50\nG0 X0 Y0\nS1000 M3\nG4 F2\n"
+    cut = "G1 Z11 F100\nG1 G41 X20 Y0 F250\nX40\n{}\nG40 X60 Y60\nG0 Z50\nM5\nM30\n"
+    wide, tight = tmp_path / "wide.mpf", tmp_path / "tight.mpf"
+    wide.write_text(head + cut.format("Y40"))
+    tight.write_text(head + cut.format("G3 X40 Y1 CR=0.5\nG1 X20"))
     with PeerProcess(baud=38400, quiet_s=0) as peer:
-        with SendProcess(tmp_path, program, peer.pty, "--baud=38400", "--check") as sending:
-            code, words = sending.finish()
-        assert code == 3
-        assert "the radius of tool T2 is not known" in words
-        assert "name the job with --job" in words
-        with SendProcess(tmp_path, program, peer.pty, "--baud=38400", "--check", f"--job={THESIS}") as sending:
-            code, words = sending.finish()
-        assert code == 0, words
+        for program, options, code_wanted in (
+            (tight, [f"--job={THESIS}"], 3),
+            (wide, [f"--job={THESIS}"], 0),
+            (wide, [], 0),
+        ):
+            with SendProcess(tmp_path, program, peer.pty, "--baud=38400", "--check", *options) as sending:
+                code, words = sending.finish()
+            assert code == code_wanted, words
+            assert ("the arc's radius is not above the tool's" in words) == (code == 3)
 
 
 def test_a_sidecar_that_lacks_something_is_told(tmp_path: Path) -> None:
