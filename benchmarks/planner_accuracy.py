@@ -4,8 +4,8 @@ Every case is a job file planned and simulated by the commands a user types. `ga
 neighbouring passes on the exact curves as shares of what the planner aims at, the last gap left out, which may be
 less; `measured` must lie between scallop_mm - 2 (path_mm + rounding) and scallop_mm. Prints a Markdown table.
 
-`--exact` plans with path_mm = 0.00002 and ends every pass in an exact stop, so that the mill cuts what the planner
-thought: how far apart its highest scallop and the planner's then are.
+`--exact` plans with path_mm = 0.00002, so that the mill cuts what the planner thought: how far apart its highest
+scallop and the planner's then are.
 """
 
 from __future__ import annotations
@@ -59,7 +59,6 @@ def main_exact() -> int:
                 job.write_text(job.read_text().replace("path_mm = 0.001", f"path_mm = {EXACT_PATH_MM:.5f}"))
                 with redirect_stdout(sys.stderr):
                     run_with(["plan", str(job), "-o", str(part), "--report", str(plan)])
-                    part.write_text(with_stops(part.read_text()))
                     run_with(["simulate", str(part), "--job", str(job), "--report", str(cut)])
                 planned_mm, measured_mm = (json.loads(file.read_text())["scallop_mm"] for file in (plan, cut))
                 apart_mm = measured_mm - planned_mm
@@ -67,16 +66,6 @@ def main_exact() -> int:
                 figures = "|".join(f"{1e3 * value_mm:.3f}" for value_mm in (planned_mm, measured_mm, apart_mm))
                 print(f"|{name}|{scallop_mm}|{angle_deg:g}|{figures}|", flush=True)
     return broken
-
-
-def with_stops(program: str) -> str:
-    """The program with an exact stop at the end of every pass, before the tool is drawn back."""
-    lines = program.split("\n")
-    for number, line in enumerate(lines[1:]):
-        if line.startswith("G0Z"):
-            last = lines[number]
-            lines[number] = f"POLY G9{last[5:]}" if last.startswith("POLY ") else f"G9{last}"
-    return "\n".join(lines)
 
 
 def surfaces() -> dict[str, NurbsPatch]:

@@ -1,8 +1,8 @@
 """The SINUMERIK 840D post: head, one numbered start a pass, cutting blocks, tail.
 
 Z moves alone or X and Y move alone; the machine height comes before every tool change and at the end, by its own
-block with the tool offset off. The plunge ends in an exact stop (G9), so that no rounding can cut its corner; along a
-pass G64 keeps to the written path. Blanks stand only where two names would run together.
+block with the tool offset off. The plunge and the pass end in an exact stop (G9), so that no rounding can cut their
+corners; along a pass G64 keeps to the written path. Blanks stand only where two names would run together.
 """
 
 from __future__ import annotations
@@ -180,7 +180,8 @@ def _pass(page: _Page, job: Job, operation: Operation, number: int, text: PassTe
         page.block(clearance)
     page.block(f"G1G9{text.start.word(2)}F{page.length(operation.plunge_mm_min)}")
     feed = f"F{page.length(operation.cut_mm_min)}" if operation.cut_mm_min != operation.plunge_mm_min else ""
-    page.cut((text.blocks[0] + feed, *text.blocks[1:]))
+    cuts = [text.blocks[0] + feed, *text.blocks[1:]]
+    page.cut([*cuts[:-1], cuts[-1] + "G9"])
     page.block(f"G0{clearance}")
 
 

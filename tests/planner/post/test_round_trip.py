@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -33,11 +34,11 @@ def cut_curves(data: bytes, settings_: Settings | None = None) -> list[list[cano
     passes: list[list[canon.Motion]] = []
     for command in interpret(data, settings_ or Settings()):
         assert not isinstance(command, canon.Alarm), command
-        if isinstance(command, canon.ExactStopOnce):
+        if isinstance(command, canon.Rapid):
             passes.append([])
         elif isinstance(command, (canon.Line, canon.Polynomial, canon.Arc)):
             passes[-1].append(command)
-    return [one[1:] for one in passes]
+    return [one[1:] for one in passes if one]
 
 
 def points_of(motion: canon.Motion, count: int) -> np.ndarray:
@@ -203,3 +204,17 @@ def test_the_three_programs_of_the_thesis_job_trace_the_same_curves() -> None:
         assert distance_mm(one, two) <= 0.002
         assert distance_mm(one, three) <= 0.002
         assert distance_mm(three, one) <= 0.002
+
+
+@pytest.mark.parametrize("blocks", ["poly", "bspline"])
+def test_every_pass_ends_in_an_exact_stop(blocks: str) -> None:
+    """The last curve before the retract is the one that G9 stops, so that its corner is not rounded (4.1, 6.8)."""
+    path = tool_path([spline(1, inner=4), spline(2, inner=4)])
+    commands = list(interpret(write(path, blocks=blocks).data, Settings()))
+    retracts = [
+        number
+        for number, (before, now) in enumerate(itertools.pairwise(commands), 1)
+        if isinstance(now, canon.Rapid) and isinstance(before, canon.Polynomial)
+    ]
+    assert len(retracts) == 2
+    assert all(isinstance(commands[number - 2], canon.ExactStopOnce) for number in retracts)

@@ -58,7 +58,7 @@ def test_a_profile_without_a_height_for_the_tool_change_is_warned_of() -> None:
 
 
 def test_whole_program_of_two_passes() -> None:
-    """Head, numbered pass starts, exact stop at the plunge, tail as the control wants them (6.8, 1.2)."""
+    """Head, numbered pass starts, exact stops at the ends of plunge and pass, tail as the control wants it (6.8)."""
     program = written([polyline(1, 3), polyline(2, 3)], blocks="linear").data.decode().splitlines()
     assert program == [
         "%_N_5000_MPF",
@@ -78,12 +78,12 @@ def test_whole_program_of_two_passes() -> None:
         "Z10",
         "G1G9Z2.5355F100",
         "X25Z3.8514F250",
-        "X50Z1.4325",
+        "X50Z1.4325G9",
         "G0Z10",
         "N2G0X0Y3.2418",
         "G1G9Z1.7848F100",
         "X25Z1.8955F250",
-        "X50Z3.4427",
+        "X50Z3.4427G9",
         "G0Z10",
         "Z50",
         "M9",
