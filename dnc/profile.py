@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import datetime as dt
 import difflib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -20,6 +21,7 @@ from planner import tomlfile
 
 Byte = Annotated[int, Meta(ge=0, le=255)]
 Positive = Annotated[float, Meta(gt=0)]
+AxisRate = Annotated[float, Meta(ge=1e-3, le=1e9)]
 NotNegative = Annotated[float, Meta(ge=0)]
 Count = Annotated[int, Meta(ge=0)]
 
@@ -98,9 +100,9 @@ class Axis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     min_mm: float
     max_mm: float
-    rapid_mm_min: Positive
-    acceleration_mm_s2: Positive
-    jerk_mm_s3: Positive
+    rapid_mm_min: AxisRate
+    acceleration_mm_s2: AxisRate
+    jerk_mm_s3: AxisRate
 
 
 class Register(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -163,12 +165,24 @@ def load_profile(path: Path) -> MachineProfile:
         raise SettingsRejected(
             f"axis {missing[0]} is missing", path=path, line=lines.get(("axes",)), remedy=f"add [axes.{missing[0]}]"
         )
-    control = profile.control
-    if control.xoff_free_bytes + control.xon_fill_bytes > control.receive_buffer_bytes:
-        raise SettingsRejected(
-            "xoff_free_bytes and xon_fill_bytes exceed receive_buffer_bytes",
-            path=path,
-            line=lines.get(("control", "xon_fill_bytes")),
-            remedy="lower one of them",
-        )
+    for key, what, remedy in _contradictions(profile):
+        raise SettingsRejected(what, path=path, line=lines.get(key), remedy=remedy)
     return profile
+
+
+def _contradictions(profile: MachineProfile) -> Iterator[tuple[tuple[str, ...], str, str]]:
+    """Keys whose values do not go together: where, what is wrong, what to do."""
+    control, link = profile.control, profile.link
+    if control.xoff_free_bytes + control.xon_fill_bytes > control.receive_buffer_bytes:
+        what = "xoff_free_bytes and xon_fill_bytes exceed receive_buffer_bytes"
+        yield ("control", "xon_fill_bytes"), what, "lower one of them"
+    if link.xon == link.xoff:
+        yield ("link", "xoff"), f"xon and xoff are both {link.xon}", "give two different characters"
+    for name, value in (("xon", link.xon), ("xoff", link.xoff)):
+        if 32 <= value < 127 or value in b"\r\n":
+            what = f"{name} is {chr(value)!r}, which programs contain"
+            yield ("link", name), what, "write a control character, 17 for XON and 19 for XOFF as a rule"
+    for name, axis in profile.axes.items():
+        if axis.min_mm >= axis.max_mm:
+            what = f"the travel of {name} goes from {axis.min_mm:g} to {axis.max_mm:g} mm"
+            yield ("axes", name, "min_mm"), what, "write the smaller end as min_mm"

@@ -1,0 +1,43 @@
+"""A machine profile whose values cannot be meant is one sentence with file and line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dnc.errors import SettingsRejected
+from dnc.profile import load_profile
+from dnc.shipped import shipped_names, shipped_path
+
+GOOD = shipped_path("machines", "sinumerik-840d").read_text()
+
+
+@pytest.mark.parametrize("name", shipped_names("machines"))
+def test_shipped_profiles_are_read(name: str) -> None:
+    load_profile(shipped_path("machines", name))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("xoff", "17", "xon and xoff are both 17; give two different characters"),
+        ("xoff", "65", "xoff is 'A', which programs contain"),
+        ("xon", "10", "xon is '\\n', which programs contain"),
+        ("rapid_mm_min", "1e-308", "rapid_mm_min: "),
+        ("jerk_mm_s3", "1e300", "jerk_mm_s3: "),
+        ("max_mm", "-9999", "mm; write the smaller end as min_mm"),
+        ("xon_fill_bytes", "999999", "exceed receive_buffer_bytes; lower one of them"),
+    ],
+)
+def test_values_that_cannot_be_meant_are_told(tmp_path: Path, key: str, value: str, words: str) -> None:
+    """(5.3, 2.7) The file, the line of the key where the file has it, and what to do."""
+    lines = GOOD.splitlines()
+    number = next(number for number, line in enumerate(lines) if line.startswith(f"{key} "))
+    lines[number] = f"{key} = {value}"
+    path = tmp_path / "mill.toml"
+    path.write_text("\n".join(lines))
+    with pytest.raises(SettingsRejected) as refused:
+        load_profile(path)
+    assert str(refused.value).startswith(f"{path}:")
+    assert words in str(refused.value)
