@@ -27,7 +27,8 @@ from benchmarks.wave_line import (
     wave_programs,
 )
 from dnc.shipped import shipped_path
-from sim.mill import rehearse
+from sim.interpreter.run import interpret
+from sim.mill import rehearse, settings_of
 from sim.profile import MillProfile, load_mill_profile
 
 FEEDS_MM_MIN = (250.0, 3000.0)
@@ -50,7 +51,8 @@ def motion_figures(data: bytes, profile: MillProfile, feed_mm_min: float) -> dic
     """Feed fluctuation away from limits, peak and RMS jerk of the axes while cutting, machining time."""
     recording = rehearse(data, profile)
     samples, dt = recording.samples, profile.block_cycle_s
-    cutting = {c.line for c in recording.commands if getattr(c, "feed_mm_min", 0.0) == feed_mm_min}
+    commands = interpret(data, settings_of(profile, is_drip_fed=True))  # not the recording's, where runs are one
+    cutting = {c.line for c in commands if getattr(c, "feed_mm_min", 0.0) == feed_mm_min}
     is_cutting = np.isin(samples.line, list(cutting)) & (samples.feed_mm_min > 0.0)
     jerk = np.diff(samples.position_mm, n=3, axis=0, prepend=[samples.position_mm[0]] * 3) / dt**3
     step = np.linalg.norm(np.diff(samples.position_mm, axis=0, prepend=samples.position_mm[:1]), axis=1) / dt * 60.0
