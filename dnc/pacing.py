@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-_REFILL_S = 0.45e-3
+_LEFT_S = 0.08e-3
 _YOUNG_S = 0.01
+_PAUSE_S = 0.002
 
 
 def bits_per_byte(form: str) -> float:
@@ -66,7 +67,7 @@ class ByteClock:
     """Knows when the last byte handed over will have left the line, and how much room makes a write worth a wake-up.
 
     `refill_bytes` is that room: a third of the bytes in flight while a run is young, because the control may stop it
-    soon and every gap counts; then 0.45 ms of line or three quarters, because every wake-up costs the processor 40 us.
+    soon and every gap counts; then all but 0.08 ms of line, because every wake-up costs the processor 40 us.
     """
 
     __slots__ = (
@@ -80,8 +81,8 @@ class ByteClock:
         self._lag_s = pace.lag_s
         self._max_bytes = pace.inflight_max_bytes
         self._young_refill_bytes = max(1, self._max_bytes // 3)
-        worth_bytes = min(int(_REFILL_S / pace.byte_s), self._max_bytes * 3 // 4)
-        self._settled_refill_bytes = max(self._young_refill_bytes, worth_bytes)
+        left_bytes = math.ceil(_LEFT_S / pace.byte_s)
+        self._settled_refill_bytes = max(self._young_refill_bytes, self._max_bytes - left_bytes)
         self.refill_bytes = self._young_refill_bytes
         self._busy_until_s = self._run_from_s = -math.inf
 
@@ -107,8 +108,9 @@ class ByteClock:
         """These bytes were handed over now."""
         start_s = self._busy_until_s
         if start_s <= now_s:
+            if now_s - start_s > _PAUSE_S:  # a shorter silence was a late wake-up, not a stop
+                self._run_from_s, self.refill_bytes = now_s, self._young_refill_bytes
             start_s = now_s + self._lag_s
-            self._run_from_s, self.refill_bytes = now_s, self._young_refill_bytes
         elif now_s - self._run_from_s > _YOUNG_S:
             self.refill_bytes = self._settled_refill_bytes
         self._busy_until_s = start_s + count_bytes * self._byte_s
