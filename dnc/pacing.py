@@ -43,8 +43,11 @@ def default_slack(baud: int) -> float:
 
 
 def default_lag_s(baud: int) -> float:
-    """How late the first byte after a silence may start: less than this, and the bytes after it would add to it."""
-    return 0.45e-3 if baud < 38400 else 0.2e-3
+    """How late the first byte after a silence may start: less than this, and the bytes after it would add to it.
+
+    Up to 38400 baud, where 2 bytes are in flight, at most half a byte, or each refill would come as the line falls dry.
+    """
+    return min(0.45e-3, 4.8 / baud) if baud <= 38400 else 0.2e-3
 
 
 @dataclass(frozen=True, slots=True)

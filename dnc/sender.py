@@ -68,6 +68,11 @@ class Sender:
         return self._stop_at is not None
 
     @property
+    def is_one_xon_away(self) -> bool:
+        """Whether the control holds us, and bytes may leave as soon as it does no longer."""
+        return self.state is JobState.HELD and self._stop_at is None and self.rules.hears_xoff
+
+    @property
     def held_since_s(self) -> float:
         """When the present hold, pause or wait began."""
         return self._since_s
@@ -154,12 +159,26 @@ class Sender:
             count = wanted  # the end of the tape may be longer than what may be in flight
         chunk = next_bytes(self.tape, self.offset_bytes, self._stop_at, min(count, room_bytes), wanted)
         if chunk:
-            self.offset_bytes += len(chunk)
-            self.tally.sent(len(chunk), now_s)
-            clock.note(len(chunk), now_s)
-            if clock.pace.line_delay_s:
-                self._delay_after_block(chunk)
+            self._left(chunk, now_s)
         return chunk
+
+    def answer(self, room_bytes: int, now_s: float) -> bytes:
+        """What the XON that ends this hold lets leave at once; nothing where more than an XON is missing.
+
+        The rim may lay it ready and, when it reads that XON and nothing else, write before it tells `answered`.
+        """
+        clock, end = self.clock, self.tape.end
+        if not self.is_one_xon_away or clock.idle_at_s > now_s:
+            return b""
+        count = min(clock.pace.inflight_max_bytes, room_bytes, end.whole_from - self.offset_bytes)
+        return self.tape.read(self.offset_bytes, count) if count > 0 else b""
+
+    def answered(self, xon: bytes, written: bytes, now_s: float) -> list[Event]:
+        """That XON came, and these first bytes of the answer left with it; only while `is_one_xon_away`."""
+        events = self.hear(xon, now_s)
+        if written:
+            self._left(written, now_s)
+        return events
 
     def give_back(self, count_bytes: int) -> None:
         """The host did not accept the last of the bytes taken; they will be taken again."""
@@ -265,9 +284,13 @@ class Sender:
     def _wanted_bytes(self) -> int:
         return wanted_bytes(self.tape, self.offset_bytes, self._stop_at, self.clock)
 
-    def _delay_after_block(self, chunk: bytes) -> None:
-        if self.tape.block_end[-1:] in chunk:
-            self.clock.delay(self.clock.pace.line_delay_s)
+    def _left(self, chunk: bytes, now_s: float) -> None:
+        self.offset_bytes += len(chunk)
+        self.tally.sent(len(chunk), now_s)
+        self.clock.note(len(chunk), now_s)
+        delay_s = self.clock.pace.line_delay_s
+        if delay_s and self.tape.block_end[-1:] in chunk:
+            self.clock.delay(delay_s)
 
     def _stop_if_reached(self, now_s: float) -> list[Event]:
         if self._stop_at is None or self.offset_bytes < self._stop_at:

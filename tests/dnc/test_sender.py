@@ -49,6 +49,42 @@ def test_held_and_resumed(tmp_path: Path) -> None:
     assert sender.tally.held_s == pytest.approx(1.9995)
 
 
+def test_the_answer_to_an_xon_is_known_beforehand(tmp_path: Path) -> None:
+    """(5.2) Once the line is empty; it counts as sent with the XON, and no more than the bound is in flight."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    first = sender.take(1000, 0.0)
+    assert sender.answer(1000, 0.001) == b"", "nothing while it sends"
+    sender.hear(XOFF, 0.001)
+    assert sender.answer(1000, 0.002) == b"", "bytes are still in flight"
+    answer = sender.answer(1000, 0.1)
+    assert (answer, sender.answer(2, 0.1), sender.answer(0, 0.1)) == (PROGRAM[3:6], PROGRAM[3:5], b"")
+    assert states(sender.answered(XON, answer, 0.2)) == [JobState.SENDING]
+    assert sender.take(1000, 0.2) == b""
+    out, _ = drain(sender, 0.2)
+    assert first + answer + out == PROGRAM
+
+
+def test_no_answer_is_known_where_more_than_an_xon_is_missing(tmp_path: Path) -> None:
+    """(5.2, 5.7) A pause that was asked for, the end that leaves whole, a handshake without XON."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    sender.take(1000, 0.0)
+    sender.hear(XOFF, 0.001)
+    sender.pause(0.1)
+    assert sender.answer(1000, 0.2) == b""
+    assert not sender.is_one_xon_away
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    drain(sender, 0.0, until_s=(sender.tape.end.whole_from - 4) * 0.001)
+    sender.hear(XOFF, 1.0)
+    assert sender.offset_bytes + len(sender.answer(1000, 2.0)) == sender.tape.end.whole_from
+    deaf = sender_of(tape_of(tmp_path, PROGRAM), hears_xoff=False)
+    deaf.start(0.0)
+    deaf.peer_is_ready(False, 0.1)
+    assert deaf.answer(1000, 0.2) == b""
+
+
 def test_utilisation_counts_neither_holds_nor_pauses(tmp_path: Path) -> None:
     """(5.2)"""
     sender = sender_of(tape_of(tmp_path, PROGRAM))

@@ -67,7 +67,7 @@ class AnyOrder(RuleBasedStateMachine):
             hold_timeout_s=timeout_s,
         )
         self.now_s = 0.0
-        self.out = b""
+        self.out = self.answer = b""
         self.line_free_s = 0.0
         self.peer_holds = False
         self.is_stopped = True
@@ -132,9 +132,39 @@ class AnyOrder(RuleBasedStateMachine):
         if back:
             self.sender.give_back(back)
             chunk = chunk[: len(chunk) - back]
+        self.leave(chunk)
+
+    def leave(self, chunk: bytes) -> None:
         self.out += chunk
         if chunk:
             self.line_free_s = max(self.line_free_s, self.now_s) + len(chunk) * BYTE_S
+
+    @precondition(lambda self: not self.answer and self.sender.is_one_xon_away)
+    @rule(room=st.sampled_from([0, 3, 1000]), step_s=st.sampled_from([0.0, 0.001, 0.01]))
+    def lay_an_answer_ready(self, room: int, step_s: float) -> None:
+        """As the stream does it: once, and anything heard makes it void; pauses, resumes and time do not."""
+        self.wait(step_s)
+        self.answer = self.sender.answer(room, self.now_s)
+
+    @precondition(lambda self: self.hears and self.sender.state is JobState.SENDING)
+    @rule(turns=st.integers(0, 5), room=st.sampled_from([3, 1000]), is_answered=st.booleans())
+    def be_held_until_an_answer_is_ready(self, turns: int, room: int, is_answered: bool) -> None:
+        """The usual way there, which random steps seldom find."""
+        self.run_on(turns, 0)
+        self.hear_anything(XOFF)
+        if self.sender.is_one_xon_away:
+            self.lay_an_answer_ready(room, 0.01)
+        if is_answered and self.answer and self.sender.is_one_xon_away:
+            self.hear_the_xon_and_answer_first(0)
+
+    @precondition(lambda self: self.answer and self.sender.is_one_xon_away)
+    @rule(refused=st.sampled_from([0, 0, 0, 1, 9]))
+    def hear_the_xon_and_answer_first(self, refused: int) -> None:
+        written = self.answer[: max(0, len(self.answer) - refused)]
+        self.answer, self.peer_holds = b"", False
+        self.leave(written)
+        self.note(self.sender.answered(XON, written, self.now_s))
+        assert self.sender.state is JobState.SENDING
 
     @rule(step_s=st.floats(0.0, 0.02))
     def wait(self, step_s: float) -> None:
@@ -162,6 +192,7 @@ class AnyOrder(RuleBasedStateMachine):
                 self.peer_holds = True
             elif byte & 0x7F == 0x11:
                 self.peer_holds = False
+        self.answer = b""
         self.note(self.sender.hear(noise * times, self.now_s))
 
     @rule(is_ready=st.booleans())

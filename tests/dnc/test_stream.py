@@ -148,6 +148,55 @@ def test_a_young_hold_is_slept_through_in_naps(tmp_path: Path, cable: Cable) -> 
     port.close()
 
 
+@pytest.mark.parametrize("accepted", [1, 3])
+def test_the_first_bytes_lie_ready_for_the_end_of_a_hold(
+    tmp_path: Path, cable: Cable, monkeypatch: pytest.MonkeyPatch, accepted: int
+) -> None:
+    """(5.2, 5.5) They leave with the XON, before anything is reckoned; what the system refuses is sent again."""
+    now_s = [1.0]
+    port, sender = SerialPort(cable.name, Link()), sender_of(tape_of(tmp_path, PROGRAM))
+    stream = Stream(sender, port, NoJournal(), lambda _: None, clock=lambda: now_s[0])  # type: ignore[arg-type]
+    sender.start(now_s[0])
+    sender.hear(XOFF, now_s[0])
+    stream._step()
+    os.write(cable.master, XON)
+    offsets: list[int] = []
+
+    def refusing(data: bytes) -> int:
+        offsets.append(sender.offset_bytes)
+        return os.write(cable.slave, data[:accepted]) if len(offsets) == 1 else 0
+
+    monkeypatch.setattr(port, "write", refusing)
+    stream._step()
+    assert (offsets[0], sender.offset_bytes) == (0, accepted)
+    monkeypatch.undo()
+    for _ in range(3):
+        now_s[0] += 0.01
+        stream._step()
+    assert cable.read_all(sender.offset_bytes) == PROGRAM[: sender.offset_bytes]
+    assert sender.offset_bytes > accepted
+    stream.close()
+    port.close()
+
+
+@pytest.mark.parametrize("command", [Command.PAUSE, Command.ABORT])
+def test_a_command_goes_before_bytes_that_lie_ready(tmp_path: Path, cable: Cable, command: Command) -> None:
+    """(5.7) Asked for in the moment of the XON, a stop is not overtaken by the answer to it."""
+    port, sender = SerialPort(cable.name, Link()), sender_of(tape_of(tmp_path, PROGRAM))
+    stream = Stream(sender, port, NoJournal(), lambda _: None, clock=lambda: 1.0)  # type: ignore[arg-type]
+    sender.start(1.0)
+    sender.hear(XOFF, 1.0)
+    stream._step()
+    assert stream._answer == PROGRAM[:3]
+    os.write(cable.master, XON)
+    stream.command(command)
+    stream._step()
+    assert sender.offset_bytes == 0
+    assert sender.state is (JobState.PAUSED if command is Command.PAUSE else JobState.ABORTED)
+    stream.close()
+    port.close()
+
+
 def test_held_pause_resume_abort(tmp_path: Path, cable: Cable) -> None:
     """(5.7)"""
     slow = Pace(byte_s=1e-3, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
