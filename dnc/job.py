@@ -22,7 +22,15 @@ from dnc.events import JobState, Severity
 from dnc.handshake import Cause
 from dnc.journal import Journal
 from dnc.names import JobNames
-from dnc.pacing import ByteClock, Pace, bits_per_byte, default_inflight_bytes, default_lag_s, default_slack
+from dnc.pacing import (
+    ByteClock,
+    Pace,
+    answer_delay_s,
+    bits_per_byte,
+    default_inflight_bytes,
+    default_lag_s,
+    default_slack,
+)
 from dnc.places import runtime_folder, state_folder
 from dnc.port import Flow, Port
 from dnc.priority import on_time
@@ -59,7 +67,10 @@ def pace_of(profile: MachineProfile) -> Pace:
     )
     byte_s = bits_per_byte(link.format) / link.baud
     lag_s, slack = default_lag_s(link.baud), default_slack(link.baud)
-    return Pace(byte_s, inflight, lag_s, slack, link.char_delay_s, link.line_delay_s)
+    char_delay_s = link.char_delay_s
+    if link.handshake == "xonxoff":
+        char_delay_s = max(char_delay_s, answer_delay_s(byte_s, profile.control.xoff_free_bytes))
+    return Pace(byte_s, inflight, lag_s, slack, char_delay_s, link.line_delay_s)
 
 
 def rules_of(link: Link) -> Rules:

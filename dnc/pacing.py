@@ -14,6 +14,7 @@ from dataclasses import dataclass
 _LEFT_S = 0.08e-3
 _YOUNG_S = 0.01
 _PAUSE_S = 0.002
+_ANSWER_S = 0.002
 
 
 def bits_per_byte(form: str) -> float:
@@ -48,6 +49,18 @@ def default_lag_s(baud: int) -> float:
     Up to 38400 baud, where 2 bytes are in flight, at most half a byte, or each refill would come as the line falls dry.
     """
     return min(0.45e-3, 4.8 / baud) if baud <= 38400 else 0.2e-3
+
+
+def answer_delay_s(byte_s: float, reserve_bytes: int) -> float:
+    """What each byte is stretched by, so that a full-speed line fills the control's reserve in no less than 2 ms.
+
+    A host that is late by so much is common; on a faster line its answer to XOFF would come after the reserve is gone.
+    Nothing up to 115200 baud where the control keeps 24 bytes free.
+
+    >>> answer_delay_s(10 / 115200, 24), round(1e6 * answer_delay_s(10 / 1152000, 40))
+    (0.0, 41)
+    """
+    return max(0.0, _ANSWER_S / max(1, reserve_bytes) - byte_s)
 
 
 @dataclass(frozen=True, slots=True)

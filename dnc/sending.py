@@ -186,12 +186,15 @@ def line_warnings(profile: MachineProfile, port: Port) -> list[str]:
         return [f"bound not assured: {port.name} is behind a network, XOFF arrives at no bounded time"]
     if link.handshake != "xonxoff":
         return []
-    pace = pace_of(profile)
+    pace, found = pace_of(profile), []
+    if pace.char_delay_s > link.char_delay_s:
+        what = f"the control stops us with {profile.control.xoff_free_bytes} bytes free, too few at {link.baud} baud"
+        found.append(f"{what}: sending {1 / (pace.byte_s + pace.char_delay_s):.0f} bytes a second")
     overshoot = pace.inflight_max_bytes + math.ceil(link.adapter_latency_s / pace.byte_s)
-    if overshoot <= allowed:
-        return []
-    what = f"up to {overshoot} bytes may arrive after XOFF, this control forgives {allowed}"
-    return [f"{what}; use --handshake driver (the chip obeys XOFF) or rtscts"]
+    if overshoot > allowed:
+        what = f"up to {overshoot} bytes may arrive after XOFF, this control forgives {allowed}"
+        found.append(f"{what}; use --handshake driver (the chip obeys XOFF) or rtscts")
+    return found
 
 
 def open_port(name: str, link: Link) -> Port:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
+from dnc.job import pace_of
 from dnc.pacing import ByteClock, Pace
+from dnc.profile import load_profile
+from dnc.sending import line_warnings
+from dnc.shipped import shipped_path
 
 
 @given(
@@ -75,3 +81,20 @@ def test_only_the_first_byte_after_a_silence_may_be_late() -> None:
     assert abs(clock.idle_at_s - 0.0045) < 1e-12
     clock.note(1, 1.0)
     assert abs(clock.idle_at_s - 1.0015) < 1e-12
+
+
+def test_a_line_too_fast_for_the_controls_reserve_is_not_used_up_and_that_is_said() -> None:
+    """(5.2) 40 bytes free when XOFF comes are 0.35 ms at 1152000 baud: bytes leave so that they last 2 ms."""
+    profile = load_profile(shipped_path("machines", "sinumerik-840d"))
+    control, fast = replace(profile.control, xoff_free_bytes=40), replace(profile.link, baud=1152000)
+    small = replace(profile, control=control, link=fast)
+
+    class Local:
+        is_bound_assured = True
+
+    pace = pace_of(small)
+    assert pace.byte_s + pace.char_delay_s == pytest.approx(0.002 / 40)
+    assert pace_of(profile).char_delay_s == 0.0
+    assert pace_of(replace(small, link=replace(fast, handshake="rtscts"))).char_delay_s == 0.0
+    (warning,) = line_warnings(small, Local())  # type: ignore[arg-type]
+    assert "40 bytes free, too few at 1152000 baud: sending 20000 bytes a second" in warning
