@@ -1,8 +1,9 @@
 """Our passes against OpenCAMLib's drop-cutter on the same planes, in one run, at the error measured along the path.
 
-OpenCAMLib cuts triangles, so its mesh and its step each share the error. Its settings are the coarsest found whose
-mesh and whose chords each keep the tolerance; what that leaves along the path is measured on the true offset surface,
-ours by the same measure and never larger. On the wave it runs 5 evenly spaced passes, scaled to all. Wall time of both.
+OpenCAMLib cuts triangles, so its mesh and its step each share the error, measured on the true offset surface; ours is
+measured alike. On the thesis surface its settings are the quickest of 24 whose error is ours; on the wave the coarsest
+whose mesh and whose chords each keep the tolerance, which leaves it the larger error, and it runs 5 evenly spaced
+passes, scaled to all. Wall time of both, the best of three on the thesis surface.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +51,7 @@ class Case:
 THESIS = 1.3 + np.arange(49.0), (1.6, 49.4)
 WAVE = 0.5 * np.arange(601), (1.2, 298.8)
 CASES = (
-    Case("thesis 1 um", "thesis", 0.001, *THESIS, (96, 77), 0.8077, 49, 10.0),
+    Case("thesis 1 um", "thesis", 0.001, *THESIS, (100, 80), 0.60, 49, 10.0),
     Case("wave 10 um", "wave", 0.010, *WAVE, (221, 168), 1.869, 5, 50.0),
     Case("wave 1 um", "wave", 0.001, *WAVE, (699, 529), 0.57, 5, 500.0),
 )
@@ -106,8 +108,21 @@ def _peer(case: Case, patch: NurbsPatch) -> tuple[float, float, float]:
         file = Path(folder) / "mesh.stl"
         file.write_bytes(_stl(patch, case.cells))
         ocl.STLReader(str(file), surface)
+    sampled = _sampled(case)
+    is_whole = len(sampled) == len(case.planes_mm)
+    runs = [_dropped(case, surface, sampled) for _ in range(3 if is_whole else 1)]
+    seconds, tips = min(runs, key=lambda run: run[0])
+    scale = len(case.planes_mm) / len(sampled)
+    ground = prepare(patch, Wishes(R_MM, 0.0, None, 1.0))
+    return seconds * scale, _error_mm(ground, _along_moves(tips + R_MM * np.array([[0.0], [0.0], [1.0]]))), scale
+
+
+def _dropped(case: Case, surface: Any, sampled: list[int]) -> tuple[float, Array]:
+    """Seconds of one run, and the cutter's tips (3, n), mm."""
+    import opencamlib as ocl
+
     path = ocl.Path()
-    (start, stop), sampled = case.ends_mm, _sampled(case)
+    start, stop = case.ends_mm
     for index in sampled:
         y = float(case.planes_mm[index])
         path.append(ocl.Line(ocl.Point(start, y, 0.0), ocl.Point(stop, y, 0.0)))
@@ -120,11 +135,7 @@ def _peer(case: Case, patch: NurbsPatch) -> tuple[float, float, float]:
     drop.setZ(-100.0)
     drop.setPath(path)
     drop.run()
-    seconds = time.perf_counter() - begin
-    tips = np.array([[point.x, point.y, point.z] for point in drop.getCLPoints()]).T
-    scale = len(case.planes_mm) / len(sampled)
-    ground = prepare(patch, Wishes(R_MM, 0.0, None, 1.0))
-    return seconds * scale, _error_mm(ground, _along_moves(tips + R_MM * np.array([[0.0], [0.0], [1.0]]))), scale
+    return time.perf_counter() - begin, np.array([[point.x, point.y, point.z] for point in drop.getCLPoints()]).T
 
 
 def _along_moves(centres: Array) -> Array:
