@@ -6,17 +6,17 @@ import functools
 import importlib.util
 from collections.abc import Callable
 from types import ModuleType
+from typing import Any, NamedTuple
 
-from sim.motion import law
+from sim.motion import law, standing
 
 _INNER_FIRST = {
     "sim.motion.braking": ("ramp_time_s", "brake_mm", "ease_mm", "jerk_to_speed"),
     "sim.motion.rows": ("piece_at", "step_to"),
-    "sim.motion.landing": ("landing", "landing_jerk", "lands", "plan_landing"),
+    "sim.motion.landing": ("landing", "landing_jerk", "next_landing_jerk", "lands", "plan_landing"),
+    "sim.motion.standing": ("stop_jerk", "can_stop", "way_jerk", "keep_way", "leave_landing"),
     "sim.motion.law": (
         "is_safe",
-        "stop_jerk",
-        "can_stop",
         "foreseen_jerk",
         "choose_jerk",
         "coasting_steps",
@@ -33,17 +33,24 @@ def can_compile() -> bool:
     return importlib.util.find_spec("numba") is not None
 
 
+class TimeLaw(NamedTuple):
+    """`sim.motion.law.run` and `sim.motion.standing.keep_way`, compiled or as they stand."""
+
+    run: Callable[..., int]
+    keep_way: Callable[..., float]
+
+
 @functools.cache
-def time_law(is_compiled: bool) -> Callable[..., int]:
-    """`sim.motion.law.run`, compiled or as it stands; compiling takes seconds once and is kept on disk."""
-    return _compiled_run() if is_compiled else law.run
+def time_law(is_compiled: bool) -> TimeLaw:
+    """The law; compiling takes seconds once and is kept on disk."""
+    return _compiled_law() if is_compiled else TimeLaw(law.run, standing.keep_way)
 
 
-def _compiled_run() -> Callable[..., int]:
-    """`run` of second copies of the law's modules, in which each function is compiled and calls compiled fellows."""
+def _compiled_law() -> TimeLaw:
+    """Second copies of the law's modules, in which each function is compiled and calls compiled fellows."""
     import numba
 
-    compiled: dict[str, Callable[..., int]] = {}
+    compiled: dict[str, Callable[..., Any]] = {}
     for room, names in _INNER_FIRST.items():
         twin = _copy_of(room)
         for name in compiled.keys() & vars(twin).keys():
@@ -51,7 +58,7 @@ def _compiled_run() -> Callable[..., int]:
         for name in names:
             compiled[name] = numba.njit(cache=True, error_model="numpy")(getattr(twin, name))
             setattr(twin, name, compiled[name])
-    return compiled["run"]
+    return TimeLaw(compiled["run"], compiled["keep_way"])
 
 
 def _copy_of(room: str) -> ModuleType:

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.interpreter.canon import Motion, Vector
-from sim.motion.braking import PLANNED, brake_mm
 from sim.motion.fast import can_compile, time_law
 from sim.motion.limits import AxisLimits
 from sim.motion.path import Path, Run
-from sim.motion.rows import ACC, HORIZON, JERK, PIECE, STATE_SIZE, A, S, V
+from sim.motion.rows import HORIZON, PIECE, PROVED, STATE_SIZE, A, S, V
+from sim.motion.standing import LONGEST_WAY
 from sim.motion.travelled import travelled
 from sim.motion.values import Array, Indices, MachineTimes, Rounding, StopReason
 
@@ -57,7 +57,8 @@ class Interpolator:
         self._lookahead_blocks = lookahead_blocks
         self._step_s = step_s
         self._speed_error = speed_error
-        self._run_law = time_law(can_compile() if is_compiled is None else is_compiled)
+        self._law = time_law(can_compile() if is_compiled is None else is_compiled)
+        self._way = np.empty(LONGEST_WAY)
         self._travelled: list[Motion] = []
         self._roundings: list[Rounding] = []
         self._blocks_before = 0
@@ -96,7 +97,7 @@ class Interpolator:
         following = self._following_piece()
         if following == rows.count:
             return None
-        self._state[PIECE] = self._state[HORIZON] = following
+        self._state[PIECE] = self._state[HORIZON] = self._state[PROVED] = following
         self.is_at_stop = False
         self._mark_single_block()
         return self._path.moves[int(rows.ordinals[following])]
@@ -105,12 +106,13 @@ class Interpolator:
         """Go on for at most this many steps, at least one; shorter where the axes come to rest."""
         rows = self._path.pieces
         log_s, log_v, log_piece = np.empty(steps), np.empty(steps), np.empty(steps, dtype=np.int64)
-        done = self._run_law(
+        done = self._law.run(
             self._state,
             rows.count,
             rows.rows,
             rows.ordinals,
             self._lookahead_blocks,
+            self._way,
             is_holding,
             self._step_s,
             log_s,
@@ -211,19 +213,14 @@ class Interpolator:
         return int(np.searchsorted(rows.ends[: rows.count], self._state[S], side="right"))
 
     def _committed_mm(self) -> float:
-        """Path length where the axes can stand at the earliest."""
-        rows, state = self._path.pieces, self._state
-        if rows.count == 0:
-            return 0.0
-        piece = min(int(state[PIECE]), rows.count - 1)
-        room = brake_mm(state[V], state[A], 0.0, PLANNED * rows.rows[piece, ACC], PLANNED * rows.rows[piece, JERK])
-        return float(state[S] + room)
+        """Path length where the axes can stand at the earliest; from here on they can, whatever changes behind it."""
+        return self._law.keep_way(self._state, self._path.pieces.rows, self._way, self._step_s)
 
     def _find_piece(self) -> None:
         """The path has changed ahead: the same place may have another row now."""
         if not self.is_at_stop:
             self._state[PIECE] = min(self._following_piece(), self._path.pieces.count - 1)
-        self._state[HORIZON] = self._state[PIECE]
+        self._state[HORIZON] = self._state[PROVED] = self._state[PIECE]
 
     def _mark_single_block(self) -> None:
         """In single block the first block end at which the axes can stand is a stop."""

@@ -53,6 +53,13 @@ def landing_jerk(alpha: float, beta: float, gamma: float, steps: int, left: int)
     return alpha + beta * x + gamma * (x * x - (steps * steps - 1.0) / 12.0)
 
 
+def next_landing_jerk(state: Array) -> float:
+    """The jerk of the next step of the landing under way."""
+    left = int(state[LANDING_LEFT])
+    state[LANDING_LEFT] = left - 1
+    return landing_jerk(state[ALPHA], state[BETA], state[GAMMA], int(state[LANDING_STEPS]), left)
+
+
 def lands(s: float, v: float, a: float, steps: int, piece: int, stop: int, rows: Array, dt: float) -> bool:
     """Whether the landing on the end of piece `stop` in this many steps breaks no limit at any step."""
     alpha, beta, gamma = landing(rows[stop, END] - s, v, a, steps, dt)

@@ -15,28 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.motion.braking import PLANNED, brake_mm, ease_mm, jerk_to_speed
-from sim.motion.landing import landing_jerk, plan_landing
+from sim.motion.landing import next_landing_jerk, plan_landing
 from sim.motion.rows import (
     ACC,
-    ALPHA,
-    BETA,
     END,
-    GAMMA,
     HORIZON,
     JERK,
     LANDING_END,
     LANDING_LEFT,
-    LANDING_STEPS,
     NODE,
     PIECE,
+    PROVED,
     SPEED,
     STOP,
+    WAY_AT,
+    WAY_END,
     A,
     S,
     V,
     piece_at,
-    step_to,
 )
+from sim.motion.standing import can_stop, leave_landing, way_jerk
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -89,43 +88,11 @@ def is_safe(s: float, v: float, a: float, piece: int, last: int, rows: Array, ti
     return 1
 
 
-def stop_jerk(s: float, v: float, a: float, piece: int, last: int, rows: Array, dt: float) -> float:
-    """The jerk of this step on the way to standing still as soon as the limits here and just ahead allow."""
-    acceleration, jerk, full = rows[piece, ACC], rows[piece, JERK], rows[piece, JERK]
-    reach, soon = s + v * dt, s + v * (abs(a) / jerk + 2.0 * dt)
-    q = piece
-    while q < last and rows[q, END] <= soon:
-        q += 1
-        acceleration, jerk = min(acceleration, rows[q, ACC]), min(jerk, rows[q, JERK])
-        if rows[q - 1, END] <= reach:
-            full = jerk
-    return jerk_to_speed(v, a, 0.0, PLANNED * acceleration, PLANNED * jerk, full, dt)
-
-
-def can_stop(s: float, v: float, a: float, j: float, piece: int, last: int, rows: Array, dt: float) -> bool:
-    """Whether a step with jerk j, then `stop_jerk` to the end, breaks no limit of the machine at any step.
-
-    CAP and KNOT do not depend on the override, so what is safe stays safe when the switch is turned.
-    """
-    for _ in range(10_000):
-        a_next = a + j * dt
-        v_next = v + dt * (a + a_next) / 2.0
-        s += dt * (v + dt * (a / 2.0 + dt * j / 6.0))
-        piece = step_to(s, v_next, a_next, j, piece, last, rows)
-        if piece < 0:
-            return False
-        if v_next <= 1e-9:
-            return bool(abs(a_next) <= 1e-6 * rows[piece, ACC])
-        v, a = v_next, a_next
-        j = stop_jerk(s, v, a, piece, last, rows, dt)
-    return False
-
-
-def choose_jerk(state: Array, last: int, rows: Array, is_holding: bool, dt: float) -> float:
+def choose_jerk(state: Array, last: int, rows: Array, way: Array, is_holding: bool, dt: float) -> float:
     """The largest jerk of this step after which every limit ahead can be kept.
 
     `is_safe` chooses it by closed forms that foresee smooth braking; `can_stop` has the last word, step by step.
-    Where nothing else passes, the way to standstill that the step before has proved is followed.
+    Where nothing else passes, the way to standstill that was proved last is followed.
     """
     s, v, a = state[S], state[V], state[A]
     piece = int(state[PIECE])
@@ -137,16 +104,17 @@ def choose_jerk(state: Array, last: int, rows: Array, is_holding: bool, dt: floa
     if is_holding:
         speed = 0.0
     high = jerk_to_speed(v, a, speed, PLANNED * acceleration, PLANNED * jerk, jerk, dt)
-    proved = stop_jerk(s, v, a, piece, last, rows, dt)
-    if high <= proved:
-        return proved
-    best, is_proved = foreseen_jerk(state, last, rows, speed, proved, high, dt)
-    if is_proved:
-        return best
-    for _ in range(4 if v > 0.0 else 40):
-        if best == proved or can_stop(s, v, a, best, piece, last, rows, dt):
-            return best
-        best = (best + proved) / 2.0
+    proved = way_jerk(state, rows, way, dt)
+    if high > proved:
+        best, is_proved = foreseen_jerk(state, last, rows, speed, proved, high, dt)
+        for _ in range(4 if v > 0.0 else 40):
+            if best == proved:
+                break
+            if is_proved or can_stop(s, v, a, best, piece, last, rows, dt):
+                state[PROVED], state[WAY_AT] = last, state[WAY_END]
+                return best
+            best = (best + proved) / 2.0
+    state[WAY_AT] = min(state[WAY_AT] + 1.0, state[WAY_END])
     return proved
 
 
@@ -201,6 +169,7 @@ def coasting_steps(state: Array, last: int, rows: Array, dt: float) -> int:
     while steps > 0:
         after = piece_at(s + steps * dt * v, piece, last, rows)
         if can_stop(s + steps * dt * v, v, 0.0, 0.0, after, last, rows, dt):
+            state[PROVED], state[WAY_AT] = last, state[WAY_END]
             break
         steps //= 2
     return steps
@@ -229,18 +198,19 @@ def settle(state: Array, rows: Array) -> None:
         state[V], state[A] = speed, 0.0
 
 
-def next_jerk(state: Array, stop: int, last: int, rows: Array, is_holding: bool, dt: float) -> tuple[float, bool]:
+def next_jerk(
+    state: Array, stop: int, last: int, rows: Array, way: Array, is_holding: bool, dt: float
+) -> tuple[float, bool]:
     """The jerk of this step, and whether it belongs to a landing on the end of piece `stop`."""
-    if rows[stop, END] != state[LANDING_END]:
-        state[LANDING_LEFT] = 0
+    if state[LANDING_LEFT] > 0 and rows[stop, END] != state[LANDING_END]:
+        leave_landing(state, way)
     is_landing = state[LANDING_LEFT] > 0
     if not (is_holding or is_landing):
         is_landing = plan_landing(state, stop, rows, dt, 12)
     if not is_landing:
-        return choose_jerk(state, last, rows, is_holding, dt), False
-    left = int(state[LANDING_LEFT])
-    state[LANDING_LEFT] = left - 1
-    return landing_jerk(state[ALPHA], state[BETA], state[GAMMA], int(state[LANDING_STEPS]), left), True
+        return choose_jerk(state, last, rows, way, is_holding, dt), False
+    state[WAY_AT] = state[WAY_END]
+    return next_landing_jerk(state), True
 
 
 def run(
@@ -249,6 +219,7 @@ def run(
     rows: Array,
     ordinals: Indices,
     lookahead: int,
+    way: Array,
     is_holding: bool,
     dt: float,
     log_s: Array,
@@ -257,8 +228,9 @@ def run(
 ) -> int:
     """Step until a stop is reached, the machine stands by order, or the logs are full; returns the steps done.
 
-    `state` is changed in place; row k of the logs holds path length, speed and piece after step k. Horizon: pieces of
-    at most `lookahead` blocks beyond the present one, of the `count` known; its last end counts as a stop.
+    `state` and `way` (`sim.motion.standing`) are changed in place; row k of the logs holds path length, speed and piece
+    after step k. Horizon: pieces of at most `lookahead` blocks beyond the present one, of the `count` known; its last
+    end counts as a stop.
     """
     last = int(state[HORIZON])
     stop = int(state[PIECE])
@@ -276,7 +248,7 @@ def run(
         stop = max(stop, piece)
         while stop < last and rows[stop, STOP] == 0.0:
             stop += 1
-        j, is_landing = next_jerk(state, stop, last, rows, is_holding, dt)
+        j, is_landing = next_jerk(state, stop, last, rows, way, is_holding, dt)
         v, a = state[V], state[A]
         state[S] += dt * (v + dt * (a / 2.0 + dt * j / 6.0))
         state[V] = max(v + dt * (a + dt * j / 2.0), 0.0)
@@ -287,6 +259,8 @@ def run(
             state[S] = min(state[S], rows[last, END])
             state[PIECE] = piece_at(state[S], piece, last, rows)
             settle(state, rows)
+        if state[V] == 0.0:
+            state[WAY_AT] = state[WAY_END]
         log_s[done], log_v[done], log_piece[done] = state[S], state[V], int(state[PIECE])
         done += 1
         if state[V] == 0.0 and (is_landing or is_holding or rows[int(state[PIECE]), SPEED] == 0.0):

@@ -17,9 +17,11 @@ included, and the same as the machine allows at any override; acceleration mm/s2
 where the path stops at its end."""
 
 S, V, A, PIECE, HORIZON, LANDING_LEFT, LANDING_STEPS, ALPHA, BETA, GAMMA, LANDING_END = range(11)
-STATE_SIZE = 11
+PROVED, WAY_AT, WAY_END, WAY_REST = range(11, 15)
+STATE_SIZE = 15
 """Places in the state: path length, speed, acceleration; the piece, the last piece known; a landing is (alpha, beta,
-gamma) over its steps, towards LANDING_END."""
+gamma) over its steps, towards LANDING_END. The last piece that the proved way to standstill reckons with; where it was
+written down, its next jerk, how many there are, and the path length where it ends."""
 
 
 def piece_at(s: float, piece: int, last: int, rows: Array) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from sim.interpreter import canon
 from sim.motion.machine import Machine
-from sim.motion.values import MachineTimes, Samples
+from sim.motion.values import MachineState, MachineTimes, Samples
 from sim.profile import AxisLimits, MillProfile
 
 Array = NDArray[np.float64]
@@ -80,10 +81,37 @@ class Differences:
     jerk: Array
 
 
-def differences(samples: Samples, start: tuple[float, float, float], step_s: float) -> Differences:
-    """Backward differences of the log, at rest before and after it."""
-    rest = np.repeat([samples.position_mm[-1]], 3, axis=0)
-    points = np.vstack([np.repeat([start], 3, axis=0), samples.position_mm, rest])
+def differences(positions_mm: Array, start: tuple[float, float, float], step_s: float) -> Differences:
+    """Backward differences of the log's positions (n, 3), at rest before and after it."""
+    rest = np.repeat([positions_mm[-1]], 3, axis=0)
+    points = np.vstack([np.repeat([start], 3, axis=0), positions_mm, rest])
     speed = np.diff(points, axis=0) / step_s
     acceleration = np.diff(speed, axis=0) / step_s
     return Differences(speed, acceleration, np.diff(acceleration, axis=0) / step_s)
+
+
+def dripped(commands: Sequence[canon.Command], profile: MillProfile, seed: int, *, has_operator: bool) -> Array:
+    """The positions (n, 3), mm, of a run whose blocks come late and in any portions, with an operator at the switches.
+
+    The end of the program is reached: at last the override is 100 % and cycle start has been pressed.
+    """
+    source = random.Random(seed)
+    machine = Machine(profile, 0.004, is_compiled=None)
+    pause_s, now_s = 10 ** source.uniform(-2.5, 0.0), 0.0
+    left, parts = list(commands), []
+    while left:
+        portion = source.choice([1, 1, 1, 2, 3, 8])
+        for command in left[:portion]:
+            machine.offer(command)
+        left = left[portion:]
+        if has_operator:
+            machine.set_override(source.choice([0.0, 10.0, 50.0, 100.0, 120.0]))
+            source.choice([machine.feed_hold, machine.cycle_start, machine.cycle_start])()
+        now_s += source.expovariate(1.0 / pause_s)
+        parts.append(machine.advance(now_s).position_mm)
+    machine.close()
+    machine.set_override(100.0)
+    machine.cycle_start()
+    parts.append(machine.advance(math.inf).position_mm)
+    assert machine.snapshot().state is MachineState.COMPLETED
+    return np.vstack(parts)

@@ -16,8 +16,10 @@ from sim.interpreter.canon import Motion, PathMode
 from sim.motion.shapes import shape_of
 from sim.motion.values import MachineState, MachineTimes, StandStill
 from sim.profile import AxisLimits, MillProfile
-from tests.sim.motion.log import Array, differences, lines, mill, run
+from tests.sim.motion.log import Array, differences, dripped, lines, mill, run
 from tests.sim.motion.programs import dense_program, random_program
+
+KINDS = [("line", "rapid"), ("arc", "line"), ("spline",), ("line", "arc", "spline", "rapid")]
 
 
 def random_mill(seed: int) -> MillProfile:
@@ -34,21 +36,26 @@ def random_mill(seed: int) -> MillProfile:
 def check_limits(program: list[canon.Command], profile: MillProfile) -> None:
     """Speed, acceleration and jerk of every axis at every sample, by differences of the positions."""
     machine, samples = run(program, profile, is_compiled=None)
-    motions = [command for command in program if isinstance(command, Motion)]
-    log = differences(samples, motions[0].start, 0.004)
     assert machine.snapshot().state is MachineState.COMPLETED
-    assert tuple(samples.position_mm[-1]) == motions[-1].end
-    for number, axis in enumerate(profile.axes):
-        assert np.max(np.abs(log.speed[:, number])) <= axis.rapid_mm_s * (1.0 + 1e-6)
-        assert np.max(np.abs(log.acceleration[:, number])) <= axis.acceleration_mm_s2 * (1.0 + 1e-6)
-        assert np.max(np.abs(log.jerk[:, number])) <= axis.jerk_mm_s3 * (1.0 + 1e-6)
+    check_axes(program, profile, samples.position_mm)
     stands = machine.stands
     for k in np.flatnonzero(samples.feed_mm_min == 0.0):
         assert any(_explains(stand, float(samples.t_s[k]), samples.position_mm[k]) for stand in stands)
 
 
+def check_axes(program: list[canon.Command], profile: MillProfile, positions_mm: Array) -> None:
+    """Positions (n, 3) that end where the program does and break no axis limit on the way."""
+    motions = [command for command in program if isinstance(command, Motion)]
+    log = differences(positions_mm, motions[0].start, 0.004)
+    assert tuple(positions_mm[-1]) == motions[-1].end
+    for number, axis in enumerate(profile.axes):
+        assert np.max(np.abs(log.speed[:, number])) <= axis.rapid_mm_s * (1.0 + 1e-6)
+        assert np.max(np.abs(log.acceleration[:, number])) <= axis.acceleration_mm_s2 * (1.0 + 1e-6)
+        assert np.max(np.abs(log.jerk[:, number])) <= axis.jerk_mm_s3 * (1.0 + 1e-6)
+
+
 @pytest.mark.parametrize("mode", list(PathMode))
-@pytest.mark.parametrize("kinds", [("line", "rapid"), ("arc", "line"), ("spline",), ("line", "arc", "spline", "rapid")])
+@pytest.mark.parametrize("kinds", KINDS)
 def test_speed_acceleration_and_jerk_stay_within_every_axis_limit(kinds: tuple[str, ...], mode: PathMode) -> None:
     """(7.2) At every sample, in every path mode; end points exact; every stop has a reason."""
     for seed in range(12):
@@ -60,6 +67,16 @@ def test_short_rough_blocks_stay_within_every_axis_limit(mode: PathMode) -> None
     """(7.2) Gentle bends that are passed as they are, rounded ones and straight joins, several within a few cycles."""
     for seed in range(12):
         check_limits(dense_program(seed, mode), random_mill(seed))
+
+
+@pytest.mark.parametrize("mode", list(PathMode))
+@pytest.mark.parametrize("has_operator", [False, True])
+def test_blocks_that_come_late_make_no_axis_break_a_limit(has_operator: bool, mode: PathMode) -> None:
+    """(7.2, 7.4) Whatever follows, the machine can still stop on the way proved before; holds and override likewise."""
+    for seed in range(30):
+        program = dense_program(seed, mode) if seed % 2 else random_program(seed, KINDS[seed % 4], mode)
+        profile = random_mill(seed)
+        check_axes(program, profile, dripped(program, profile, seed, has_operator=has_operator))
 
 
 def _explains(stand: StandStill, t_s: float, position: Array) -> bool:

@@ -20,7 +20,7 @@ def test_one_line_takes_the_time_of_two_jerk_limited_ramps() -> None:
     _, samples = run(lines([(0.0, 0.0, 0.0), (100.0, 0.0, 0.0)], 3000.0))
     assert samples.t_s[-1] == pytest.approx(2.1, rel=0.01)
     assert tuple(samples.position_mm[-1]) == (100.0, 0.0, 0.0)
-    log = differences(samples, (0.0, 0.0, 0.0), 0.004)
+    log = differences(samples.position_mm, (0.0, 0.0, 0.0), 0.004)
     assert np.max(np.abs(log.speed)) <= 50.0 * (1 + 1e-9)
     assert np.max(np.abs(log.acceleration)) <= 2000.0
     assert np.max(np.abs(log.jerk)) <= 20000.0 * (1 + 1e-6)
