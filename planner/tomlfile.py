@@ -72,7 +72,7 @@ def read_text(
     if not raw.strip():
         raise error("is empty", path=path, remedy=remedy)
     try:
-        return raw.decode("utf-8").replace("\r\n", "\n")
+        return re.sub("\r+\n", "\n", raw.decode("utf-8"))  # a text converted twice has CR CR LF
     except UnicodeDecodeError as problem:
         line = raw.count(b"\n", 0, problem.start) + 1
         raise error("is not UTF-8 text", path=path, line=line, remedy="save it as UTF-8") from None

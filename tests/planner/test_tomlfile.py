@@ -24,6 +24,16 @@ def test_lines_of_nested_keys() -> None:
     assert lines["t", 1, "z"] == 12
 
 
+def test_line_ends_of_every_kind_are_counted_alike(tmp_path: Path) -> None:
+    """CR CR LF, as a text converted twice has it, was an internal fault."""
+    text = THESIS.read_bytes().replace(b"scallop_mm", b"scalop_mm")
+    path = tmp_path / "job.toml"
+    for end in (b"\n", b"\r\n", b"\r\r\n"):
+        path.write_bytes(text.replace(b"\n", end))
+        with pytest.raises(InputRejected, match=r"job\.toml:25: unknown key scalop_mm"):
+            load_job(path)
+
+
 def test_thesis_job_loads() -> None:
     job = load_job(THESIS)
     assert job.tool_of(job.operation[0]).radius_mm == 4.0
