@@ -22,6 +22,7 @@ _INNER_FIRST = {
         "coasting_steps",
         "coast",
         "settle",
+        "make_step",
         "next_jerk",
         "run",
     ),

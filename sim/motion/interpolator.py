@@ -25,7 +25,8 @@ from sim.motion.values import Array, Indices, MachineTimes, Rounding, StopReason
 class Stretch:
     """Steps made: points (n, 3) mm, path feeds mm/min, source lines and blocks (n,).
 
-    `landed`: the motion at whose end the axes have come to rest, None where they have not.
+    `landed`: the motion at whose end the axes have come to rest, None where they have not; `has_halted`: they have come
+    to rest elsewhere.
     """
 
     points_mm: Array
@@ -33,6 +34,7 @@ class Stretch:
     lines: Indices
     blocks: Indices
     landed: int | None
+    has_halted: bool
 
 
 class Interpolator:
@@ -104,7 +106,7 @@ class Interpolator:
 
     def run(self, steps: int, is_holding: bool) -> Stretch:
         """Go on for at most this many steps, at least one; shorter where the axes come to rest."""
-        rows = self._path.pieces
+        rows, before_mm_s = self._path.pieces, self.speed_mm_s
         log_s, log_v, log_piece = np.empty(steps), np.empty(steps), np.empty(steps, dtype=np.int64)
         done = self._law.run(
             self._state,
@@ -128,7 +130,8 @@ class Interpolator:
             if np.max(np.abs(points[-1] - end)) <= self._times.same_place_mm:
                 points[-1] = end
         lines, blocks = self._path.moves.sources(rows.ordinals[log_piece[:done]])
-        return Stretch(points, log_v[:done] * 60.0, lines, blocks, ordinal if has_landed else None)
+        has_halted = self.is_at_rest and not has_landed and (log_v[done - 2] if done > 1 else before_mm_s) > 0.0
+        return Stretch(points, log_v[:done] * 60.0, lines, blocks, ordinal if has_landed else None, bool(has_halted))
 
     def arrive(self, ordinal: int) -> tuple[StopReason | None, bool]:
         """The axes stand at the end of this motion: why the path stops there, and whether single block made them."""

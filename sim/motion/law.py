@@ -30,6 +30,7 @@ from sim.motion.rows import (
     STOP,
     WAY_AT,
     WAY_END,
+    WAY_REST,
     A,
     S,
     V,
@@ -111,10 +112,11 @@ def choose_jerk(state: Array, last: int, rows: Array, way: Array, is_holding: bo
             if best == proved:
                 break
             if is_proved or can_stop(s, v, a, best, piece, last, rows, dt):
-                state[PROVED], state[WAY_AT] = last, state[WAY_END]
+                state[PROVED], state[WAY_AT], state[WAY_END] = last, 0.0, 0.0
                 return best
             best = (best + proved) / 2.0
-    state[WAY_AT] = min(state[WAY_AT] + 1.0, state[WAY_END])
+    if state[WAY_END] > 0:
+        state[WAY_AT] += 1.0
     return proved
 
 
@@ -169,7 +171,7 @@ def coasting_steps(state: Array, last: int, rows: Array, dt: float) -> int:
     while steps > 0:
         after = piece_at(s + steps * dt * v, piece, last, rows)
         if can_stop(s + steps * dt * v, v, 0.0, 0.0, after, last, rows, dt):
-            state[PROVED], state[WAY_AT] = last, state[WAY_END]
+            state[PROVED], state[WAY_AT], state[WAY_END] = last, 0.0, 0.0
             break
         steps //= 2
     return steps
@@ -186,6 +188,25 @@ def coast(
         piece = piece_at(s, piece, last, rows)
         log_s[k], log_v[k], log_piece[k] = s, v, piece
     state[S], state[PIECE] = s, piece
+
+
+def make_step(state: Array, j: float, is_landing: bool, stop: int, last: int, rows: Array, dt: float) -> bool:
+    """Go one step with jerk j; returns whether the written way to standstill has come to its end with it."""
+    v, a = state[V], state[A]
+    has_stopped = bool(0 < state[WAY_END] <= state[WAY_AT])
+    state[S] += dt * (v + dt * (a / 2.0 + dt * j / 6.0))
+    state[V] = max(v + dt * (a + dt * j / 2.0), 0.0)
+    state[A] = a + dt * j
+    if is_landing and state[LANDING_LEFT] == 0:
+        state[S], state[V], state[A], state[PIECE] = state[LANDING_END], 0.0, 0.0, stop
+        return False
+    if has_stopped:
+        state[S], state[V], state[A], state[WAY_AT], state[WAY_END] = state[WAY_REST], 0.0, 0.0, 0.0, 0.0
+    else:
+        state[S] = min(state[S], rows[last, END])
+    state[PIECE] = piece_at(state[S], int(state[PIECE]), last, rows)
+    settle(state, rows)
+    return has_stopped
 
 
 def settle(state: Array, rows: Array) -> None:
@@ -209,7 +230,7 @@ def next_jerk(
         is_landing = plan_landing(state, stop, rows, dt, 12)
     if not is_landing:
         return choose_jerk(state, last, rows, way, is_holding, dt), False
-    state[WAY_AT] = state[WAY_END]
+    state[WAY_AT], state[WAY_END] = 0.0, 0.0
     return next_landing_jerk(state), True
 
 
@@ -249,20 +270,9 @@ def run(
         while stop < last and rows[stop, STOP] == 0.0:
             stop += 1
         j, is_landing = next_jerk(state, stop, last, rows, way, is_holding, dt)
-        v, a = state[V], state[A]
-        state[S] += dt * (v + dt * (a / 2.0 + dt * j / 6.0))
-        state[V] = max(v + dt * (a + dt * j / 2.0), 0.0)
-        state[A] = a + dt * j
-        if is_landing and state[LANDING_LEFT] == 0:
-            state[S], state[V], state[A], state[PIECE] = state[LANDING_END], 0.0, 0.0, stop
-        else:
-            state[S] = min(state[S], rows[last, END])
-            state[PIECE] = piece_at(state[S], piece, last, rows)
-            settle(state, rows)
-        if state[V] == 0.0:
-            state[WAY_AT] = state[WAY_END]
+        has_stopped = make_step(state, j, is_landing, stop, last, rows, dt)
         log_s[done], log_v[done], log_piece[done] = state[S], state[V], int(state[PIECE])
         done += 1
-        if state[V] == 0.0 and (is_landing or is_holding or rows[int(state[PIECE]), SPEED] == 0.0):
+        if state[V] == 0.0 and (is_landing or is_holding or has_stopped or rows[int(state[PIECE]), SPEED] == 0.0):
             break
     return done

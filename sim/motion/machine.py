@@ -275,6 +275,16 @@ class Machine:
             self._do_event(events.popleft().command)
         if stretch.landed is not None:
             self._arrive(stretch.landed)
+        elif stretch.has_halted:
+            self._halt()
+
+    def _halt(self) -> None:
+        """The axes have come to rest between two ends: by order, or because blocks came too late to go on."""
+        if self._is_holding:
+            self._hold()
+        else:
+            is_by_override = self._interpolator.override == 0.0
+            self._record.begin_stand(StopReason.OVERRIDE if is_by_override else StopReason.LATE, self._position)
 
     def _arrive(self, ordinal: int) -> None:
         """The axes stand at the end of a motion."""
@@ -282,6 +292,9 @@ class Machine:
         if is_single:
             self._state = MachineState.SINGLE_BLOCK
             reason = reason or StopReason.SINGLE_BLOCK
+        is_end_known = self._is_closed or self._preparation.events or ordinal + 1 < self._interpolator.motion_count
+        if reason is None and not is_end_known:
+            reason = StopReason.STARVED
         if reason is not None:
             self._record.begin_stand(reason, self._position)
         if reason is StopReason.EXACT_STOP:

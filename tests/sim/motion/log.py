@@ -90,8 +90,10 @@ def differences(positions_mm: Array, start: tuple[float, float, float], step_s: 
     return Differences(speed, acceleration, np.diff(acceleration, axis=0) / step_s)
 
 
-def dripped(commands: Sequence[canon.Command], profile: MillProfile, seed: int, *, has_operator: bool) -> Array:
-    """The positions (n, 3), mm, of a run whose blocks come late and in any portions, with an operator at the switches.
+def dripped(
+    commands: Sequence[canon.Command], profile: MillProfile, seed: int, *, has_operator: bool
+) -> tuple[Machine, Samples]:
+    """A run whose blocks come late and in any portions, with an operator at the switches or without.
 
     The end of the program is reached: at last the override is 100 % and cycle start has been pressed.
     """
@@ -108,10 +110,10 @@ def dripped(commands: Sequence[canon.Command], profile: MillProfile, seed: int, 
             machine.set_override(source.choice([0.0, 10.0, 50.0, 100.0, 120.0]))
             source.choice([machine.feed_hold, machine.cycle_start, machine.cycle_start])()
         now_s += source.expovariate(1.0 / pause_s)
-        parts.append(machine.advance(now_s).position_mm)
+        parts.append(machine.advance(now_s))
     machine.close()
     machine.set_override(100.0)
     machine.cycle_start()
-    parts.append(machine.advance(math.inf).position_mm)
+    parts.append(machine.advance(math.inf))
     assert machine.snapshot().state is MachineState.COMPLETED
-    return np.vstack(parts)
+    return machine, Samples.joined(parts)

@@ -13,8 +13,9 @@ from scipy.spatial import cKDTree
 
 from sim.interpreter import canon
 from sim.interpreter.canon import Motion, PathMode
+from sim.motion.machine import Machine
 from sim.motion.shapes import shape_of
-from sim.motion.values import MachineState, MachineTimes, StandStill
+from sim.motion.values import MachineState, MachineTimes, Samples, StandStill
 from sim.profile import AxisLimits, MillProfile
 from tests.sim.motion.log import Array, differences, dripped, lines, mill, run
 from tests.sim.motion.programs import dense_program, random_program
@@ -38,9 +39,7 @@ def check_limits(program: list[canon.Command], profile: MillProfile) -> None:
     machine, samples = run(program, profile, is_compiled=None)
     assert machine.snapshot().state is MachineState.COMPLETED
     check_axes(program, profile, samples.position_mm)
-    stands = machine.stands
-    for k in np.flatnonzero(samples.feed_mm_min == 0.0):
-        assert any(_explains(stand, float(samples.t_s[k]), samples.position_mm[k]) for stand in stands)
+    check_stands(machine, samples, 0.002)
 
 
 def check_axes(program: list[canon.Command], profile: MillProfile, positions_mm: Array) -> None:
@@ -72,18 +71,29 @@ def test_short_rough_blocks_stay_within_every_axis_limit(mode: PathMode) -> None
 @pytest.mark.parametrize("mode", list(PathMode))
 @pytest.mark.parametrize("has_operator", [False, True])
 def test_blocks_that_come_late_make_no_axis_break_a_limit(has_operator: bool, mode: PathMode) -> None:
-    """(7.2, 7.4) Whatever follows, the machine can still stop on the way proved before; holds and override likewise."""
+    """(7.2, 7.4) Whatever follows, the machine can still stop on the way proved before; and it says why it stands."""
     for seed in range(30):
         program = dense_program(seed, mode) if seed % 2 else random_program(seed, KINDS[seed % 4], mode)
         profile = random_mill(seed)
-        check_axes(program, profile, dripped(program, profile, seed, has_operator=has_operator))
+        machine, samples = dripped(program, profile, seed, has_operator=has_operator)
+        check_axes(program, profile, samples.position_mm)
+        check_stands(machine, samples, 0.005)
 
 
-def _explains(stand: StandStill, t_s: float, position: Array) -> bool:
-    """A standstill, or the last 2 um before one, where the axes may come to rest for a step."""
+def check_stands(machine: Machine, samples: Samples, before_mm: float) -> None:
+    """Every sample at rest belongs to a standstill with a reason, or to the last way before one.
+
+    There the axes may come to rest for a step.
+    """
+    for k in np.flatnonzero(samples.feed_mm_min == 0.0):
+        t_s, position = float(samples.t_s[k]), samples.position_mm[k]
+        assert any(_explains(stand, t_s, position, before_mm) for stand in machine.stands), f"at {t_s:.3f} s"
+
+
+def _explains(stand: StandStill, t_s: float, position: Array, before_mm: float) -> bool:
     if stand.t_s - 0.005 <= t_s <= stand.t_s + stand.duration_s + 0.005:
         return True
-    return bool(0.0 <= stand.t_s - t_s <= 0.05 and np.linalg.norm(position - stand.position_mm) <= 0.002)
+    return bool(0.0 <= stand.t_s - t_s <= 0.05 and np.linalg.norm(position - stand.position_mm) <= before_mm)
 
 
 def _distances(samples: Array, motions: list[Motion]) -> tuple[Array, float]:
