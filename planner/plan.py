@@ -48,6 +48,8 @@ class Planned:
     layout: Layout
 
 
+# What is not finite the checks find, and say where; the library's own warnings are nothing for an operator.
+@np.errstate(all="ignore")
 def plan_job(
     job_path: Path,
     control: ControlLimits,

@@ -49,10 +49,14 @@ def sow(surface: OffsetSurface, *, reach_mm: float, a_span: int) -> Seeds:
     grid = np.stack([part.ravel() for part in np.meshgrid(u, v, indexing="ij")])
     found = surface.evaluate(grid[0], grid[1])
     turn = found.centre_u[0] * found.centre_v[1] - found.centre_u[1] * found.centre_v[0]
-    is_usable = (surface.side * turn > 0) & (found.normal[2] > 0)
-    grid, centres = grid[:, is_usable], found.centre[:2, is_usable]
     (u_low, u_high), (v_low, v_high) = patch.domain
     is_inside = (grid[0] >= u_low) & (grid[0] <= u_high) & (grid[1] >= v_low) & (grid[1] <= v_high)
+    centres = found.centre[:2]
+    inside = centres[:, is_inside]
+    past = np.maximum(inside.min(axis=1) - centres.T, centres.T - inside.max(axis=1)).max(axis=1)
+    is_near = past <= 2 * reach_mm  # a patch with weights may have poles beyond its border
+    is_usable = (surface.side * turn > 0) & (found.normal[2] > 0) & is_near
+    grid, centres, is_inside = grid[:, is_usable], centres[:, is_usable], is_inside[is_usable]
     order = np.argsort(is_inside, kind="stable")
     grid, centres = grid[:, order], centres[:, order]
     low = centres.min(axis=1, keepdims=True)

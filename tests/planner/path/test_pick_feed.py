@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from planner.path.offset import OffsetSurface
 from planner.path.peaks import survey
 from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
 from planner.path.trace import trace
+from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
 from tests.planner.surfaces import cylinder_patch, plane_patch, slope_patch, sphere_patch, thesis_patch, wavy_patch
 
@@ -223,3 +225,18 @@ def solved(misses: Callable[[np.ndarray], Any], start: list[float]) -> np.ndarra
     found, state, _, _ = fsolve(misses, start, xtol=1e-13, full_output=True)
     assert np.abs(state["fvec"]).max() < 1e-9
     return found
+
+
+@pytest.mark.parametrize(
+    ("name", "radius_mm", "scallop_mm", "angle_deg"),
+    [("pole-nearby", 3.0, 0.005, 270.0), ("cusps-along-a-side", 4.0, 0.03, 90.0)],
+)
+def test_what_lies_beyond_the_border_keeps_no_patch_from_being_planned(
+    name: str, radius_mm: float, scallop_mm: float, angle_deg: float
+) -> None:
+    """(4.1, 4.7) Neither a pole of the extended patch nor a place lost in the first wide search."""
+    (patch,) = load_surface(Path(__file__).parents[1] / "data" / f"{name}.toml")
+    layout = lay_parallel(patch, Wishes(radius_mm, np.radians(angle_deg), scallop_mm, None), accuracy_mm=1e-8)
+    assert np.ptp(layout.ground.seeds.centres, axis=1).max() < 60.0
+    assert layout.peaks.missed == 0
+    assert np.allclose(layout.peaks.height_mm[:-1], scallop_mm, atol=1e-7)
