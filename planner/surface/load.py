@@ -20,6 +20,7 @@ from planner.surface.patch import NurbsPatch
 Array = NDArray[np.float64]
 Degree = Annotated[int, Meta(ge=1, le=9)]
 MAX_COORDINATE_MM = 100_000.0  # no mill of this kind reaches further, and a slip of the unit does
+MAX_WEIGHT_RATIO = 1e6  # of the heaviest to the lightest: beyond it doubles lose the lighter points
 FEW_BRACKETS = 100  # around whole arrays and patches
 MAX_CONTROL_POINTS = 250_000  # 16 coefficients of 3 doubles each: 100 MB
 
@@ -128,4 +129,8 @@ def _weights(rows: tuple[tuple[float, ...], ...], shape: tuple[int, int], reject
     if np.any(weights <= 0):
         i, j = np.argwhere(weights <= 0)[0]
         raise reject("weights", f"weights[{i}][{j}] is not above 0", "give positive weights")
+    if weights.max() > MAX_WEIGHT_RATIO * weights.min():
+        i, j = np.argwhere(weights == weights.max())[0]
+        what = f"weights[{i}][{j}] is more than {MAX_WEIGHT_RATIO:g} times the lightest"
+        raise reject("weights", what, "give weights of the same order")
     return weights
