@@ -114,13 +114,14 @@ def _tape_blocks(job: Job, tool_path: ToolPath, written: Written) -> tuple[Array
     lines = written.data.split(b"\n")
     sizes = np.array([len(text) + 1.0 for text in lines])
     cut_mm, plunge_mm = np.zeros(len(lines)), np.zeros(len(lines))
+    to_centre_mm = tool_path.radius_mm if job.post.reference == "tip" else 0.0
     starts = [int(point["line"]) - 1 for point in written.sidecar["restart_points"]]
     extra = int(job.setup.safe_z_mm != job.setup.clearance_z_mm)
     counts = _cutting_counts(starts, written, extra)
     for start, count, one in zip(starts, counts, tool_path.passes, strict=False):
         first = start + 2 + (extra if start == starts[0] else 0)
         cut_mm[first : first + count] = _shares(one.shape, count) * one.length_mm
-        plunge_mm[first - 1] = max(job.setup.clearance_z_mm - float(_first_z(one.shape)), 0.0)
+        plunge_mm[first - 1] = max(job.setup.clearance_z_mm + to_centre_mm - _first_z(one.shape), 0.0)
     return sizes, cut_mm, plunge_mm
 
 
@@ -143,6 +144,7 @@ def _shares(shape: Shape, count: int) -> Array:
 
 
 def _first_z(shape: Shape) -> float:
+    """Z of the ball's centre where the pass begins, mm."""
     points = shape.control_points if isinstance(shape, PlaneSpline) else shape.points
     return float(points[0, 1])
 

@@ -28,6 +28,11 @@ from tests.planner.surfaces import cylinder_patch
 SCHEMA = Path(__file__).parents[2] / "docs/schemas/plan.schema.json"
 JOB = shipped_path("jobs", "thesis").read_text()
 SURFACE = shipped_path("surfaces", "thesis").read_text()
+PLATE_OF_5_M = """degree = [1, 1]
+knots_u = [0, 0, 1, 1]
+knots_v = [0, 0, 1, 1]
+control_points = [[[0, 0, 0], [5000, 0, 0]], [[0, 5000, 0], [5000, 5000, 1]]]
+"""
 LIMITS = ControlLimits()
 
 
@@ -123,6 +128,12 @@ def test_planning_twice_gives_the_same_bytes(tmp_path: Path) -> None:
             r"clearance_z_mm 2\.5 is not above patch 1, .* Z3\.000",
         ),
         ([("scallop_mm = 0.08", "pick_feed_mm = 1e-5")], None, r"patch 1 is .* mm: pick_feed_mm asks for .* passes"),
+        ([("angle_deg = 0.0", "angle_deg = 1e20")], None, r"job\.toml:\d+: .*angle_deg: is out of range"),
+        (
+            [("scallop_mm = 0.08", "pick_feed_mm = 1.0")],
+            (SURFACE, PLATE_OF_5_M),
+            r"pick_feed_mm asks for about 25\.\d km of passes, more than 5 km",
+        ),
         ([("surface.toml", "absent.toml")], None, r"absent\.toml: cannot be read"),
         (
             [("safe_z_mm = 50.0", "safe_z_mm = 1e5")],
@@ -202,6 +213,12 @@ def test_a_feed_beyond_the_line_is_warned_of(tmp_path: Path) -> None:
     assert limits["120"] < limits["100"] < 20000
     assert any(f"600 baud and 120 % override the line feeds {limits['120']:.0f} mm/min" in w for w in planned.warnings)
     assert not any("starve" in warning for warning in plan_job(job_in(tmp_path), LIMITS).warnings)
+
+
+def test_a_plunge_of_the_tip_is_measured_at_the_tip(tmp_path: Path) -> None:
+    """(4.8) From Z10 a plunge lasts over 4 s at 120 %: no 2 s hold two passes, and one has less than 240 bytes."""
+    planned = plan_job(job_in(tmp_path), LIMITS)
+    assert planned.report["feed_limit_mm_min"]["1200"] == {"100": None, "120": None}
 
 
 def test_planning_needs_neither_scipy_nor_matplotlib() -> None:
