@@ -18,6 +18,7 @@ Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 Feed = Annotated[float, Meta(ge=0.001, le=999_999.999)]  # what an F word can say
 SpindleSpeed = Annotated[float, Meta(gt=0, le=999_999.999)]
+Angle = Annotated[float, Meta(ge=-360, le=360)]
 Height = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Dwell = Annotated[float, Meta(ge=0, le=3600)]
 Xy = tuple[float, float]
@@ -65,7 +66,7 @@ class Operation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     cut_mm_min: Feed
     spindle_rpm: SpindleSpeed
     strategy: Literal["parallel", "isoparametric", "constant-scallop"] = "parallel"
-    angle_deg: float | Literal["auto"] = 0.0
+    angle_deg: Angle | Literal["auto"] = 0.0
     pattern: Literal["zigzag", "one-way"] = "zigzag"
     scallop_mm: Positive | None = None
     pick_feed_mm: Positive | None = None

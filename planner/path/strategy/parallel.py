@@ -100,13 +100,22 @@ def _seeds(surface: OffsetSurface, reach_mm: float) -> Seeds:
     return sow(surface, reach_mm=reach_mm, a_span=2 if spans > 400 else 4 if spans > 25 else 16)
 
 
-def _check_count(surface: OffsetSurface, seeds: Seeds, pick_feed_mm: float, key: str, most: int = 20_000) -> None:
-    """Raises InputRejected where the patch would take more than `most` passes, or borders as finely sampled as that."""
+def _check_count(
+    surface: OffsetSurface, seeds: Seeds, pick_feed_mm: float, key: str, most: int = 20_000, longest_mm: float = 5e6
+) -> None:
+    """Raises InputRejected where the patch would take more passes, or a longer way, than a plan can hold in memory.
+
+    Its borders are sampled as finely as its passes lie, so the longer side counts.
+    """
     sides_mm = np.ptp(seeds.centres, axis=1)[:2]
-    passes = float(sides_mm.max()) / pick_feed_mm
+    passes, cut_mm = float(sides_mm.max()) / pick_feed_mm, float(sides_mm.prod()) / pick_feed_mm
+    problem = ""
     if not passes <= most:
-        size = f"{sides_mm[0]:.4g} x {sides_mm[1]:.4g} mm"
-        what = f"{surface.patch.name} is {size}: {key} asks for about {passes:.3g} passes, more than {most}"
+        problem = f"{passes:.3g} passes, more than {most}"
+    elif not cut_mm <= longest_mm:
+        problem = f"{cut_mm / 1e6:.3g} km of passes, more than {longest_mm / 1e6:g} km"
+    if problem:
+        what = f"{surface.patch.name} is {sides_mm[0]:.4g} x {sides_mm[1]:.4g} mm: {key} asks for about {problem}"
         raise InputRejected(what, remedy=f"give a larger {key} or cut the part in pieces")
 
 
