@@ -59,7 +59,12 @@ def test_weights_are_read(tmp_path: Path) -> None:
         ("degree = [1, 1]", "degree = [0, 1]", 1, ">= 1"),
         ("degree = [1, 1]", "degre = [1, 1]", 1, "did you mean degree"),
         ("control_points", "weights = [[1, 0], [1, 1]]\ncontrol_points", 4, "not above 0"),
-        ("control_points", "weights = [[1, 1e300], [1, 1]]\ncontrol_points", 4, "weights[0][1] is more than 1e+06 times"),
+        (
+            "control_points",
+            "weights = [[1, 1e300], [1, 1]]\ncontrol_points",
+            4,
+            "weights[0][1] is more than 1e+06 times",
+        ),
         ("control_points", "weights = [[1, 1e-300], [1, 1]]\ncontrol_points", 4, "times the lightest"),
         ("control_points", "weights = [[1, 1]]\ncontrol_points", 4, "shape"),
     ],
