@@ -60,12 +60,9 @@ def solve_pick_feeds(ground: Ground, scallop_mm: float, *, accuracy_mm: float, s
         if not is_settled:
             planes = _newton_chain(planes, peaks, scallop_mm)
         is_full = is_settled
-        lost = 0
         if is_full:
-            seen, more = survey(ground, planes, scallop_mm)
-            tops, lost = tops.with_more(more), seen.missed
+            tops = tops.with_more(survey(ground, planes, scallop_mm)[1])
         peaks = survey_at(ground, planes, tops)
-        peaks = replace(peaks, missed=peaks.missed + lost)
     planes = _with_last(ground, planes, scallop_mm, accuracy_mm)
     peaks = _trimmed(ground, peaks, planes, scallop_mm)
     if end is ChainEnd.SETTLED and peaks.last_mm > scallop_mm + accuracy_mm:
