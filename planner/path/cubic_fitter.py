@@ -13,6 +13,7 @@ from planner.path.gauss_newton import improve
 from planner.path.model import Array, PlaneSpline
 from planner.path.plane_spline import Index
 from planner.path.span_search import Candidate, Start, halved_where_worst
+from planner.path.spans import folds_mm
 
 MOST_FRESH = 6
 HASTE = 5
@@ -25,6 +26,7 @@ class CubicFitter:
         self._table = CurveTable(curves)
         self.count = len(curves)
         self.most_fresh = MOST_FRESH
+        self._rises = [bool(curve.tangents[:, 0].min() > 0.0) for curve in curves]
 
     def fresh(self, asked: dict[int, int]) -> dict[int, Start]:
         """Knots crowded where the curvature changes, the arc length as parameter."""
@@ -51,7 +53,8 @@ class CubicFitter:
         # What will not do with few spans shows early; with many it takes every step.
         patience = HASTE if max(start.spans for start in starts) <= MOST_FRESH else len(powers)
         fit = improve(fit, stepping, powers=powers, targets_mm=targets_mm, patience=patience)
-        return [_candidate(fit, at) for at in range(len(rows))]
+        found = [_candidate(fit, at) for at in range(len(rows))]
+        return [_unfolded(one) if self._rises[row] else one for row, one in zip(rows, found, strict=True)]
 
 
 def _step_of(table: CurveTable, rows: Index, live: Index, fit: Fit, power: int, damping: Array) -> tuple[Fit, Array]:
@@ -72,3 +75,17 @@ def _candidate(fit: Fit, at: int) -> Candidate:
     spans = slice(fit.index.firsts[at], fit.index.lasts[at] + 1)
     start = Start(knots[3:-3] / knots[-1], fit.arcs[:, spans] / knots[-1])
     return Candidate(start, PlaneSpline(3, knots, control_points), np.abs(fit.distance[:, spans]).max(axis=0))
+
+
+def _unfolded(candidate: Candidate) -> Candidate:
+    """The candidate, with what it runs backwards counted tenfold as error, and then no parametrisation to go on from.
+
+    A spline that turns back may lie close to its pass and still cut a place three times.
+    """
+    if (np.diff(candidate.spline.control_points[:, 0]) >= 0.0).all():
+        return candidate
+    folds = folds_mm(candidate.spline)
+    if not folds.any():
+        return candidate
+    start = Start(candidate.start.joints, _places(candidate.start.joints))
+    return Candidate(start, candidate.spline, np.maximum(candidate.errors_mm, 10.0 * folds))

@@ -48,6 +48,21 @@ def joints_of(spline: PlaneSpline) -> Array:
     return np.asarray(knots[np.append(True, np.diff(knots) > 0.0)])
 
 
+def folds_mm(spline: PlaneSpline) -> Array:
+    """How far each span (spans,) runs backwards along w, mm.
+
+    0 where Bezier points that rise prove that a span does not; the others are read at 65 places.
+    """
+    bezier = bezier_points([spline])[:, :, :1]
+    found = np.zeros(len(bezier))
+    suspect = np.flatnonzero((np.diff(bezier[:, :, 0], axis=1) < 0.0).any(axis=1))
+    if len(suspect):
+        places = np.linspace(0.0, 1.0, 65)[:, None] ** np.arange(bezier.shape[1])
+        w = np.einsum("pk,mk->mp", places, power_form(bezier[suspect])[:, :, 0])
+        found[suspect] = np.maximum(-np.diff(w, axis=1), 0.0).sum(axis=1)
+    return found
+
+
 def power_form(bezier: Array) -> Array:
     """Bezier points (m, n + 1, d) as coefficients (m, n + 1, d) of p^0 .. p^n on [0, 1]."""
     return np.asarray(np.einsum("kj,mjd->mkd", _powers_of_bezier(bezier.shape[1] - 1), bezier))

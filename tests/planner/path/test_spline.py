@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from planner.path.model import PlaneSpline
 from planner.path.spline import fit_passes
 from planner.path.spline_table import SplineTable
+from planner.plan import plan_job
+from planner.post.written import ControlLimits
 from tests.planner.path.curves import arc, random_graph, wave_pass
 
 
@@ -40,3 +45,16 @@ def test_wave_needs_few_control_points() -> None:
     """(4.4) A 300 mm pass over the wave at 1 um: at most 22 control points."""
     (fitted,) = fit_passes([wave_pass()], 0.001)
     assert fitted.spans + 3 <= 22
+
+
+def test_no_spline_turns_back_along_its_pass() -> None:
+    """(4.3, 4.4) Two of these passes lay within 7.5 um of cubics that ran backwards by 0.17 and 0.3 mm."""
+    job = Path(__file__).parents[1] / "data" / "turning-back-job.toml"
+    shapes = [one.shape for one in plan_job(job, ControlLimits(poly_degree=5)).tool_path.passes]
+    splines = [shape for shape in shapes if isinstance(shape, PlaneSpline)]
+    assert len(splines) > 50
+    assert max(np.ptp(spline.control_points[:, 0]) for spline in splines) > 1.0
+    for spline in splines:
+        places = np.linspace(spline.knots[0], spline.knots[-1], 2001)
+        w = SplineTable([spline]).evaluate(np.zeros(2001, np.intp), places)[0][:, 0]
+        assert (np.diff(w) > 0.0).all() or (np.diff(w) < 0.0).all()
