@@ -7,7 +7,7 @@ import difflib
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
 
@@ -98,7 +98,9 @@ def _choices(kind: Any, name: str) -> list[str]:
 
 
 def _parts(kind: Any) -> list[Any]:
-    return [kind, *get_args(kind)]
+    """The type, the members of a union, and what stands behind their bounds."""
+    members = [kind, *get_args(kind)]
+    return members + [get_args(one)[0] for one in members if get_origin(one) is Annotated]
 
 
 def _fields(kind: Any) -> Iterator[msgspec.structs.FieldInfo]:
