@@ -20,6 +20,7 @@ from planner.path.plane_spline import Index
 SEEDS = 10
 SPANS_AT_ONCE = 2000
 EXTRA_KNOTS = 4
+NARROWEST_SHARE = 1e-7  # of the curve
 FROM_SCRATCH = np.concatenate([np.full(10, 2.0), np.linspace(2.0, 10.0, 20)])
 FROM_NEIGHBOUR = np.array([2.0, 2.0, 3.0, 4.0, 6.0, 8.0, 8.0, 8.0])
 
@@ -125,7 +126,7 @@ class SpanSearch:
                         fresh[row] = candidate.spans - 1
                     continue
                 tried[row] = candidate.spans
-                if candidate.spans >= self._most_spans:
+                if self._is_at_end(candidate):
                     self.found[row], self.ends[row] = candidate, SearchEnd.TOO_MANY_SPANS
                 elif candidate.spans < self._fitter.most_fresh:
                     fresh[row] = self._more(row, candidate)
@@ -167,10 +168,14 @@ class SpanSearch:
     def _lengthen(self, short: dict[int, Candidate]) -> None:
         """Add a knot where each is worst, a few times; what still fails is searched from scratch."""
         for _ in range(EXTRA_KNOTS):
-            opened = {row: self._fitter.opened(one) for row, one in short.items() if one.spans < self._most_spans}
+            opened = {row: self._fitter.opened(one) for row, one in short.items() if not self._is_at_end(one)}
             got = short | self._fit(opened, FROM_NEIGHBOUR)
             short = {row: candidate for row, candidate in got.items() if not self._accept(row, candidate)}
         self.from_scratch({row: candidate.spans for row, candidate in short.items()})
+
+    def _is_at_end(self, candidate: Candidate) -> bool:
+        """Whether it has as many spans as it may, or one so narrow that halving it again says nothing of the curve."""
+        return candidate.spans >= self._most_spans or bool(np.diff(candidate.start.joints).min() < NARROWEST_SHARE)
 
     def _accept(self, row: int, candidate: Candidate) -> bool:
         if candidate.error_mm <= self._aims_mm[row]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from planner.path.model import PlaneSpline
+from planner.path.span_search import Candidate, SearchEnd, SpanSearch, Start, halved_where_worst
 from planner.path.spline import fit_passes
 from planner.path.spline_table import SplineTable
 from planner.plan import plan_job
@@ -58,3 +59,28 @@ def test_no_spline_turns_back_along_its_pass() -> None:
         places = np.linspace(spline.knots[0], spline.knots[-1], 2001)
         w = SplineTable([spline]).evaluate(np.zeros(2001, np.intp), places)[0][:, 0]
         assert (np.diff(w) > 0.0).all() or (np.diff(w) < 0.0).all()
+
+
+class _Stubborn:
+    """A fitter whose first span stays as bad as it is, however narrow."""
+
+    count, most_fresh = 1, 2
+
+    def fresh(self, asked: dict[int, int]) -> dict[int, Start]:
+        return {row: Start(np.linspace(0.0, 1.0, spans + 1), np.zeros((1, spans))) for row, spans in asked.items()}
+
+    def opened(self, candidate: Candidate) -> Start:
+        joints = halved_where_worst(candidate)
+        return Start(joints, np.zeros((1, len(joints) - 1)))
+
+    def fit(self, rows: np.ndarray, starts: list[Start], powers: np.ndarray, targets_mm: np.ndarray) -> list[Candidate]:
+        spline = PlaneSpline(1, np.array([0.0, 0.0, 1.0, 1.0]), np.zeros((2, 2)))
+        return [Candidate(start, spline, np.eye(start.spans)[0]) for start in starts]
+
+
+def test_a_span_that_halving_does_not_mend_ends_the_search() -> None:
+    """(4.7) Halved on and on it had no width any more, an internal fault."""
+    search = SpanSearch(_Stubborn(), 0.001, 400)
+    search.from_scratch({0: 1})
+    assert search.ends[0] is SearchEnd.TOO_MANY_SPANS
+    assert 20 < search.found[0].spans < 40
