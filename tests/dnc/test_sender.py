@@ -196,6 +196,26 @@ def test_line_delay_follows_every_block(tmp_path: Path) -> None:
     assert now_s == pytest.approx(10 * 0.1 + 30 * 0.001, rel=0.02)
 
 
+@pytest.mark.parametrize("inflight", [1, 2, 3, 12, 64])
+@pytest.mark.parametrize("block_end", ["lf", "crlf", "lfcrcr"])
+def test_a_line_delay_stands_directly_behind_each_block_end(tmp_path: Path, inflight: int, block_end: str) -> None:
+    """(5.3) Nothing of the next block leaves with the end of one, and short blocks get a delay each."""
+    tape = tape_of(tmp_path, b"N1 G1 X1\nN2\nN3\nN4 G1 X2\nM30\n%\n", end_of_block=block_end)
+    sender = sender_of(tape, Pace(0.001, inflight, 0.0, slack=0.0, line_delay_s=0.1))
+    sender.start(0.0)
+    now_s, ends = 0.0, 0
+    while sender.state is JobState.SENDING:
+        chunk = sender.take(1000, now_s)
+        if tape.block_end in chunk and sender.offset_bytes < tape.end.essential_bytes:
+            assert (chunk.count(tape.block_end), chunk.endswith(tape.block_end)) == (1, True)
+        if chunk and tape.is_block_end(sender.offset_bytes):
+            ends += sender.offset_bytes <= tape.end.whole_to
+            assert sender.clock.idle_at_s >= now_s + 0.1
+        sender.tick(now_s)
+        now_s = max(now_s, sender.next_wake_s) + 1e-9
+    assert ends == 5
+
+
 def test_sent_is_said_when_the_last_byte_has_left_the_line(tmp_path: Path) -> None:
     """(5.1) DRAINING until then."""
     sender = sender_of(tape_of(tmp_path, b"G1\nM30\n"), Pace(0.001, 64, 0.0, slack=0.0))
