@@ -11,6 +11,7 @@ import json
 import shlex
 import shutil
 import subprocess
+import urllib.error
 import urllib.parse
 import urllib.request
 from collections.abc import Callable
@@ -59,7 +60,7 @@ class _Hook:
             self._deliver(message(event, self._about))
         except (OSError, subprocess.SubprocessError, HTTPException, ValueError) as problem:
             if not self._is_broken:
-                self._say(f"{self._name} failed: {problem}; the job goes on")
+                self._say(f"{self._name} failed: {_in_words(problem)}; the job goes on")
             self._is_broken = True
 
 
@@ -69,6 +70,15 @@ def message(event: Event, about: dict[str, Any]) -> bytes:
     plain = {name: value.value if isinstance(value, Enum) else value for name, value in values.items()}
     now = datetime.now(UTC).isoformat(timespec="milliseconds")
     return json.dumps({"event": type(event).__name__, "time": now, **about, **plain}).encode()
+
+
+def _in_words(problem: Exception) -> str:
+    """What the system said of it, without the library's brackets around."""
+    if isinstance(problem, subprocess.CalledProcessError):
+        return f"it ended with exit code {problem.returncode}"
+    is_answer = isinstance(problem, urllib.error.HTTPError)
+    reason = problem.reason if isinstance(problem, urllib.error.URLError) and not is_answer else problem
+    return (reason.strerror if isinstance(reason, OSError) else None) or str(reason)
 
 
 def _is_news(event: Event) -> bool:

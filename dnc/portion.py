@@ -12,6 +12,14 @@ _OF_RESERVE = 4
 """Default bytes in flight are at most this part of what the control keeps free when it stops us."""
 
 
+def write_stop(tape: Tape, at: int, stop_at: int | None, clock: ByteClock) -> int | None:
+    """Where the next write ends at the latest: at a pause; where each block is followed by a delay, at its end."""
+    if not clock.pace.line_delay_s:
+        return stop_at
+    block_end = tape.next_block_end(at)
+    return block_end if stop_at is None else min(block_end, stop_at)
+
+
 def wanted_bytes(tape: Tape, at: int, stop_at: int | None, clock: ByteClock) -> int:
     """How much room makes the next write worth while: a refill, or all that is left to send before `stop_at`."""
     end = tape.end
@@ -35,6 +43,13 @@ def next_bytes(tape: Tape, at: int, stop_at: int | None, count: int, wanted: int
     elif at == end.whole_from and count < wanted:
         return b""
     return tape.read(at, count)
+
+
+def bytes_before_end(tape: Tape, at: int, stop_at: int | None, count: int) -> bytes:
+    """At most `count` bytes from `at`, none beyond `stop_at`, and none of the end that leaves whole."""
+    last = tape.end.whole_from if stop_at is None else min(stop_at, tape.end.whole_from)
+    count = min(count, last - at)
+    return tape.read(at, count) if count > 0 else b""
 
 
 def _leaves_whole(end: TapeEnd, clock: ByteClock) -> bool:

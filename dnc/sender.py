@@ -13,7 +13,7 @@ from dnc import alarms
 from dnc.events import Event, Held, JobState, Noise, Resumed, StateChanged
 from dnc.handshake import TABLE, Cause, Heard, Listener, Signal
 from dnc.pacing import ByteClock
-from dnc.portion import next_bytes, wanted_bytes
+from dnc.portion import bytes_before_end, next_bytes, wanted_bytes, write_stop
 from dnc.suspicion import Suspicion
 from dnc.tally import Tally
 from dnc.tape import Tape
@@ -157,7 +157,7 @@ class Sender:
             if clock.idle_at_s > now_s:
                 return b""
             count = wanted  # the end of the tape may be longer than what may be in flight
-        chunk = next_bytes(self.tape, self.offset_bytes, self._chunk_stop(), min(count, room_bytes), wanted)
+        chunk = next_bytes(self.tape, self.offset_bytes, self._write_stop(), min(count, room_bytes), wanted)
         if chunk:
             self._left(chunk, now_s)
         return chunk
@@ -167,13 +167,10 @@ class Sender:
 
         The rim may lay it ready and, when it reads that XON and nothing else, write before it tells `answered`.
         """
-        clock, end = self.clock, self.tape.end
-        if not self.is_one_xon_away or clock.idle_at_s > now_s:
+        if not self.is_one_xon_away or self.clock.idle_at_s > now_s:
             return b""
-        stop = self._chunk_stop()
-        last = end.whole_from if stop is None else min(stop, end.whole_from)
-        count = min(clock.pace.inflight_max_bytes, room_bytes, last - self.offset_bytes)
-        return self.tape.read(self.offset_bytes, count) if count > 0 else b""
+        count = min(self.clock.pace.inflight_max_bytes, room_bytes)
+        return bytes_before_end(self.tape, self.offset_bytes, self._write_stop(), count)
 
     def answered(self, xon: bytes, written: bytes, now_s: float) -> list[Event]:
         """That XON came, and these first bytes of the answer left with it; only while `is_one_xon_away`."""
@@ -284,7 +281,7 @@ class Sender:
         return self._since_s + min(waits, default=math.inf)
 
     def _wanted_bytes(self) -> int:
-        return wanted_bytes(self.tape, self.offset_bytes, self._chunk_stop(), self.clock)
+        return wanted_bytes(self.tape, self.offset_bytes, self._write_stop(), self.clock)
 
     def _left(self, chunk: bytes, now_s: float) -> None:
         self.offset_bytes += len(chunk)
@@ -294,12 +291,8 @@ class Sender:
         if delay_s and self.offset_bytes > self.tape.leader_bytes and self.tape.is_block_end(self.offset_bytes):
             self.clock.delay(delay_s)
 
-    def _chunk_stop(self) -> int | None:
-        """Where the next write must end: at a pause; where every block is followed by a delay, at each block's end."""
-        if not self.clock.pace.line_delay_s:
-            return self._stop_at
-        block_end = self.tape.next_block_end(self.offset_bytes)
-        return block_end if self._stop_at is None else min(block_end, self._stop_at)
+    def _write_stop(self) -> int | None:
+        return write_stop(self.tape, self.offset_bytes, self._stop_at, self.clock)
 
     def _stop_if_reached(self, now_s: float) -> list[Event]:
         if self._stop_at is None or self.offset_bytes < self._stop_at:

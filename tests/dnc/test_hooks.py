@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.server
 import json
+import socket
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -105,8 +106,7 @@ def test_a_command_that_fails_is_said_once() -> None:
     said: list[str] = []
     (hook,) = hooks_of("false", None, ABOUT, said.append)
     tell(hook, STARTED, LOST)
-    assert len(said) == 1
-    assert said[0].startswith("hook false failed: ")
+    assert said == ["hook false failed: it ended with exit code 1; the job goes on"]
 
 
 class Slow:
@@ -120,6 +120,17 @@ class Slow:
         self.begun.set()
         self.release.wait(10)
         self.told.append(event)
+
+
+def test_an_address_where_nobody_listens_is_said_in_words() -> None:
+    """(5.7) In the system's words, not in the library's brackets."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        url = f"http://127.0.0.1:{taken.getsockname()[1]}/mill"
+        said: list[str] = []
+        (hook,) = hooks_of(None, url, ABOUT, said.append)
+        hook(alarms.LOOPBACK.at(1.0, 0, ""))
+    assert said == [f"webhook {url} failed: Connection refused; the job goes on"]
 
 
 def test_a_listener_that_hangs_delays_no_other() -> None:
