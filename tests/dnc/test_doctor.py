@@ -24,6 +24,7 @@ from dnc.port import SerialPort
 from dnc.portlist import find_ports
 from dnc.profile import Link
 from dnc.record import append_record
+from tests.helpers.line import read_until
 
 
 def computer(root: Path, *, awake: str = "auto", latency_ms: int = 16, modem_manager: bool = True) -> Path:
@@ -144,7 +145,7 @@ def test_loopback_plug(change: object, good: bool, words: str) -> None:
     port = SerialPort(os.ttyname(slave), Link())
 
     def echo() -> None:
-        data = os.read(master, 4096)
+        data = read_until(master, b"\x11\x13\x11")
         os.write(master, change(data))  # type: ignore[operator]
 
     thread = threading.Thread(target=echo)

@@ -29,7 +29,7 @@ from dnc.progress import printable
 from dnc.record import doubt_words, in_doubt
 from dnc.sending import line_warnings
 from dnc.shipped import shipped_path
-from tests.helpers.line import XOFF, XON, alarm_ids, drain, sender_of, tape_of
+from tests.helpers.line import XOFF, XON, alarm_ids, drain, read_until, sender_of, tape_of
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = b"".join(b"N%d G1 X%d\n" % (index * 10, index) for index in range(1, 201)) + b"M30\n%\n"
@@ -165,7 +165,7 @@ def test_a_port_that_does_not_close_is_said(tmp_path: Path, monkeypatch: pytest.
     done = CliRunner().invoke(
         command_line, ["send", str(program), "--port", os.ttyname(slave), "--report", str(report)]
     )
-    assert (done.exit_code, os.read(master, 100)) == (0, program.read_bytes())
+    assert (done.exit_code, read_until(master, b"M30\n")) == (0, program.read_bytes())
     (alarm,) = json.loads(report.read_text())["alarms"]
     assert (alarm["id"], alarm["severity"]) == ("DNC-A10", "warning")
     assert "unplug the adapter" in done.stderr

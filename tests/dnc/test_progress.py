@@ -8,6 +8,7 @@ import pty
 import threading
 
 from dnc.progress import Ticker
+from tests.helpers.line import read_until
 
 
 def test_a_line_is_redrawn_on_a_terminal_and_taken_away() -> None:
@@ -21,10 +22,9 @@ def test_a_line_is_redrawn_on_a_terminal_and_taken_away() -> None:
 
     with os.fdopen(slave, "w") as terminal, Ticker(line, terminal):
         assert is_drawn.wait(10.0)
-    shown = os.read(master, 4096).decode()
+    shown = read_until(master, b"planning 3 s\r\x1b[K")
     os.close(master)
-    assert "planning 3 s" in shown
-    assert shown.endswith("\r\x1b[K")
+    assert shown.endswith(b"planning 3 s\r\x1b[K")
 
 
 def test_nothing_is_drawn_where_nobody_looks() -> None:

@@ -9,6 +9,7 @@ import select
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Self
 
@@ -23,6 +24,14 @@ from dnc.tape import Tape
 PACE = Pace(byte_s=0.001, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
 XON, XOFF = b"\x11", b"\x13"
 PEER = Path(__file__).with_name("peer.py")
+
+
+def read_until(fd: int, mark: bytes, within_s: float = 10.0) -> bytes:
+    """What the far end of a pty says up to a mark, in however many pieces; what there was, if the mark never comes."""
+    data, end_s = b"", time.monotonic() + within_s
+    while not data.endswith(mark) and select.select([fd], [], [], max(0.0, end_s - time.monotonic()))[0]:
+        data += os.read(fd, 4096)
+    return data
 
 
 def tape_of(folder: Path, data: bytes, **rules: object) -> Tape:
