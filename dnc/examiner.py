@@ -15,7 +15,7 @@ from typing import Any, Self
 
 import msgspec
 
-from dnc.events import JobState
+from dnc.events import Alarm, Event, JobState, StateChanged
 from dnc.job import Job
 from dnc.names import JobNames, new_job_id
 from dnc.places import state_folder
@@ -34,9 +34,13 @@ class Verdict(Enum):
 
     PASSED = "the control stopped us and let us go on"
     STOPPED_ONLY = "the control stopped us; it was not seen to let us go on in the time given"
-    NEVER_STOPPED = "the control took more than its buffer holds and never sent XOFF"
+    NEVER_STOPPED = (
+        "the control took more than its buffer holds and never sent XOFF; if its feed override was at 0, it does no "
+        "XON/XOFF or the wire back is open: see its interface settings and the cable before any job"
+    )
+    NEVER_STARTED = "the control sent no XON in the time given; was external execution started, is the cable right?"
     TOO_SHORT = "the program ended before the control had to stop us"
-    BROKEN_OFF = "the line failed during the test"
+    BROKEN_OFF = "the test was broken off before the control had to stop us"
 
 
 def to_and_fro(control: Control) -> bytes:
@@ -75,13 +79,19 @@ class Examiner:
             return is_held or sender.offset_bytes > self._limit_bytes
 
         if not self._wait_until(is_settled, None):
-            return Verdict.TOO_SHORT if sender.state is JobState.SENT else Verdict.BROKEN_OFF
+            return self._unsettled(sender)
         if sender.state is not JobState.HELD:
             return Verdict.NEVER_STOPPED
         self._say(f"held after {sender.offset_bytes} bytes: the control stops us. Now raise the feed override.")
         if self._wait_until(lambda: sender.state is JobState.SENDING, self._resume_wait_s):
             return Verdict.PASSED
         return Verdict.STOPPED_ONLY
+
+    @staticmethod
+    def _unsettled(sender: Sender) -> Verdict:
+        if sender.state is JobState.SENT:
+            return Verdict.TOO_SHORT
+        return Verdict.BROKEN_OFF if sender.offset_bytes else Verdict.NEVER_STARTED
 
     def _wait_until(self, is_so: Callable[[], bool], limit_s: float | None) -> bool:
         """Poll until it is so; False when the time is up or the job is over."""
@@ -96,13 +106,23 @@ class Examiner:
 def examine(
     port: Port, profile: MachineProfile, machine: str, resume_wait_s: float, say: Callable[[str], None]
 ) -> dict[str, Any]:
-    """Send the moves, watch, stop; the report says whether it passed and how many bytes ran on after XOFF."""
+    """Send the moves, watch, stop; the report says whether it passed and how many bytes ran on after XOFF.
+
+    `say` hears what the operator is to do and what goes wrong meanwhile.
+    """
+
+    def tell(event: Event) -> None:
+        if isinstance(event, Alarm):
+            say(f"{event.severity.value} {event.id}: {event.text}; {event.remedy}")
+        elif isinstance(event, StateChanged) and event.new is JobState.ARMED:
+            say(f"waiting for the control's first XON; press cycle start (at most {profile.link.start_timeout_s:g} s)")
+
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "test-handshake.mpf"
         program.write_bytes(to_and_fro(profile.control))
         tape = load_tape(program, Tape(), state_folder() / "spool", profile.link.data_bits)
     silent = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, hold_timeout_s=0.0))
-    job = Job(tape, port, silent, JobNames(new_job_id(), "test-handshake", machine), [])
+    job = Job(tape, port, silent, JobNames(new_job_id(), "test-handshake", machine), [tell])
     try:
         with Examiner(job.stream, profile.control, resume_wait_s, say) as examiner:
             finished = job.run()

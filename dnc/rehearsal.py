@@ -19,19 +19,22 @@ from pathlib import Path
 from typing import Any
 
 from dnc.errors import ExitCode, PortUnavailable
+from dnc.profile import Link
 from sim.lifeline import end_with_parent
 
 _READY_S = 30.0
 _END_S = 60.0
 _SLACK_S = 15.0
 _TOLD_S = 2.0
+_START_RULES = {"immediate": "immediate", "wait-xon": "repeat-xon"}
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """The mill of a rehearsal: its profile's name, time scale, and the job file that tells tool radii and design."""
+    """The mill of a rehearsal: its profile, the line as it is sent to, time scale, the job that tells tool radii."""
 
     machine: str
+    link: Link
     speed: float
     programs: Path
     job: Path | None
@@ -68,6 +71,8 @@ def rehearsal_mill(wanted: Wanted) -> Iterator[Rehearsal]:
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "mill.json"
         words = [*("--machine", wanted.machine), *("--speed", str(wanted.speed)), *("--programs", str(wanted.programs))]
+        words += [*("--baud", str(wanted.link.baud)), *("--format", wanted.link.format)]
+        words += [*("--fault", f"start={_START_RULES[wanted.link.start]}")]
         words += [] if wanted.job is None else ["--nominal", str(wanted.job)]
         words += ["--end-on-alarm", "--report", str(report)]
         child = subprocess.Popen(

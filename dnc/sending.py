@@ -214,7 +214,7 @@ def _port(wishes: Wishes, profile: MachineProfile) -> Iterator[tuple[Port, Machi
         return
     from dnc.rehearsal import Wanted, rehearsal_mill
 
-    wanted = Wanted(wishes.machine, wishes.speed or 1.0, wishes.program.absolute().parent, wishes.job)
+    wanted = Wanted(wishes.machine, profile.link, wishes.speed or 1.0, wishes.program.absolute().parent, wishes.job)
     with rehearsal_mill(wanted) as mill:
         scaled = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=mill.baud))
         yield open_port(mill.pty, scaled.link), scaled, mill

@@ -66,8 +66,8 @@ class Faults:
     """bytes that the adapter at the host's end holds"""
     reaction: float = 0.0
     """s from the byte that fills the buffer to the mark until DC3 begins to leave"""
-    start: StartRule = StartRule.IMMEDIATE
-    """what the control says at cycle start"""
+    start: StartRule | None = None
+    """what the control says at cycle start; unless set, as its profile has the sending side wait for (repeat-xon, or nothing)"""
     cycle_start: float = 0.0
     """s after which the operator presses cycle start"""
     xon_delay: float = 0.0
@@ -174,7 +174,7 @@ _READERS: dict[str, tuple[Callable[[str], object], str]] = {
     "int": (_count, "a count from 1"),
     "float": (_not_negative, "a number from 0"),
     "bool": (_switch, "yes or no"),
-    "StartRule": (StartRule, "immediate, xon or repeat-xon"),
+    "StartRule | None": (StartRule, "immediate, xon or repeat-xon"),
     "ReplyParity": (ReplyParity, "none or even"),
     "Ordinals": (_ordinals, "2, or 1,3, or all"),
     "Moment | None": (_moment, "12.5 (seconds) or 4000b (bytes), with +2 if it lasts 2 s"),

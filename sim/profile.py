@@ -36,6 +36,7 @@ class MillProfile:
     format: str
     xon: int
     xoff: int
+    says_xon_at_start: bool
     dialect: str
     knot_rule: str
     poly_degree: int
@@ -64,6 +65,7 @@ class _Link(msgspec.Struct, frozen=True):
     format: Annotated[str, Meta(pattern=r"^[5-8][NEOMS](1|1\.5|2)$")]
     xon: Byte = 0x11
     xoff: Byte = 0x13
+    start: Literal["immediate", "wait-xon"] = "immediate"
 
 
 class _Control(msgspec.Struct, frozen=True):
@@ -114,6 +116,7 @@ def load_mill_profile(path: Path) -> MillProfile:
         format=link.format,
         xon=link.xon,
         xoff=link.xoff,
+        says_xon_at_start=link.start == "wait-xon",
         dialect=control.dialect,
         knot_rule=control.knot_rule,
         poly_degree=control.poly_degree,

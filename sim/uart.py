@@ -29,6 +29,7 @@ class Uart:
         self.receiver = Receiver(marks, self._say_word)
         self.is_on = True
         self._codes = {Word.XON: profile.xon, Word.XOFF: profile.xoff}
+        self._start = faults.start or (StartRule.REPEATED_XON if profile.says_xon_at_start else StartRule.IMMEDIATE)
         self._mask = 0x7F if profile.format[0] == "7" else 0xFF
         self._said = {Word.XON: 0, Word.XOFF: 0}
         self._damage = random.Random(seed)  # two streams: how often the clock is asked must not change what is drawn
@@ -110,9 +111,9 @@ class Uart:
         """Cycle start: say DC1 where the start rule wants it."""
         if self.receiver.is_held:
             self.receiver.release(now_s)
-        elif self.faults.start is not StartRule.IMMEDIATE:
+        elif self._start is not StartRule.IMMEDIATE:
             self._say_word(Word.XON, now_s)
-        if self.faults.start is StartRule.REPEATED_XON:
+        if self._start is StartRule.REPEATED_XON:
             self._repeat_s = now_s + 1.0
 
     def _power(self, now_s: float, *, is_on: bool) -> None:

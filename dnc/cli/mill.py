@@ -15,6 +15,7 @@ from dnc.numbers import Number
 @click.option("--modbus", metavar="HOST:PORT", help="serve status there; port 0: any free one")
 @click.option("--speed", type=Number(0.001, 100_000), default=1.0, help="of machine and line together")
 @click.option("--baud", type=click.IntRange(50, 4_000_000), help="of the line at speed 1, in place of the profile's")
+@click.option("--format", "form", help="of the line, in place of the profile's, such as 8N1 or 7E2")
 @click.option("--seed", type=int, default=1, show_default=True, help="of everything random")
 @click.option("--fault", "faults", multiple=True, metavar="NAME=VALUE", help="what goes wrong; a wrong name lists them")
 @click.option("--nominal", type=click.Path(path_type=Path), help="job file: measure against its design; tool radii")
@@ -30,6 +31,7 @@ def command(
     modbus: str | None,
     speed: float,
     baud: int | None,
+    form: str | None,
     seed: int,
     faults: tuple[str, ...],
     nominal: Path | None,
@@ -49,6 +51,7 @@ def command(
     import json
 
     from dnc.profile import load_profile, profile_path
+    from dnc.sending import link_with
     from planner.job import load_job
     from sim.faults import parse_faults
     from sim.process import Wishes, run_mill
@@ -61,9 +64,11 @@ def command(
         raise click.UsageError(f"--programs {programs}: is no folder")
     path = profile_path(machine)
     profile = load_mill_profile(path)
-    host, port = _address(modbus) if modbus else (load_profile(path).modbus.host, load_profile(path).modbus.port)
+    sending_side = load_profile(path)
+    line = link_with(sending_side.link, {"baud": baud, "format": form})
+    host, port = _address(modbus) if modbus else (sending_side.modbus.host, sending_side.modbus.port)
     setup = Setup(
-        profile=profile if baud is None else dataclasses.replace(profile, baud=baud),
+        profile=dataclasses.replace(profile, baud=line.baud, format=line.format),
         faults=parse_faults(faults),
         speed=speed,
         modbus_host=host,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from sim.control import TABLE, Control, Execution, Happening
-from sim.faults import parse_faults
+from sim.faults import StartRule, parse_faults
 from sim.live import EMERGENCY_STOP_ALARM, OVERRUN_ALARM, LiveMill
 from sim.messages import Completed, Heard
 from sim.motion.values import Samples, StopReason
@@ -17,9 +17,10 @@ from sim.uart import Uart
 
 AXIS = AxisLimits(-500.0, 500.0, 300.0, 2000.0, 20000.0)
 PROFILE = MillProfile(
-    baud=9600, format="8N1", xon=0x11, xoff=0x13, dialect="sinumerik", knot_rule="nx", poly_degree=5, g28="iso",
-    backward_jump_alarm=14000, has_tool_changer=True, is_inch=False, resolution_mm=0.001,
-    tool_length_reference="tip", receive_buffer_bytes=256, xoff_free_bytes=64, xon_fill_bytes=64, block_cycle_s=0.004,
+    baud=9600, format="8N1", xon=0x11, xoff=0x13, says_xon_at_start=False, dialect="sinumerik",
+    knot_rule="nx", poly_degree=5, g28="iso", backward_jump_alarm=14000, has_tool_changer=True, is_inch=False,
+    resolution_mm=0.001, tool_length_reference="tip", receive_buffer_bytes=256, xoff_free_bytes=64, xon_fill_bytes=64,
+    block_cycle_s=0.004,
     lookahead_blocks=4, axes=(AXIS, AXIS, AXIS),
 )  # fmt: skip
 HEAD = b"%_N_TEST_MPF\nN10 G90 G64 F3000\n"
@@ -46,7 +47,7 @@ class Cable:
         self.uart = Uart(self.profile, faults, seed=1)
         self.mill = LiveMill(self.profile, faults, self.samples.append, self.tool_radii_mm)
         self.now_s = 0.0
-        self.is_held = faults.start.value != "immediate"
+        self.is_held = faults.start not in (None, StartRule.IMMEDIATE)
 
     def run(self, for_s: float) -> Cable:
         end_s = self.now_s + for_s

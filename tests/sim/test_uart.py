@@ -11,9 +11,10 @@ from sim.uart import Uart
 
 AXIS = AxisLimits(-500.0, 500.0, 300.0, 2000.0, 20000.0)
 PROFILE = MillProfile(
-    baud=9600, format="8N1", xon=0x11, xoff=0x13, dialect="sinumerik", knot_rule="nx", poly_degree=5, g28="iso",
-    backward_jump_alarm=14000, has_tool_changer=True, is_inch=False, resolution_mm=0.001,
-    tool_length_reference="tip", receive_buffer_bytes=100, xoff_free_bytes=20, xon_fill_bytes=40, block_cycle_s=0.004,
+    baud=9600, format="8N1", xon=0x11, xoff=0x13, says_xon_at_start=False, dialect="sinumerik",
+    knot_rule="nx", poly_degree=5, g28="iso", backward_jump_alarm=14000, has_tool_changer=True, is_inch=False,
+    resolution_mm=0.001, tool_length_reference="tip", receive_buffer_bytes=100, xoff_free_bytes=20, xon_fill_bytes=40,
+    block_cycle_s=0.004,
     lookahead_blocks=100, axes=(AXIS, AXIS, AXIS),
 )  # fmt: skip
 BYTE_S = 10 / 9600
@@ -105,6 +106,15 @@ def test_start_rules() -> None:
     assert again.to_host(5.5) == b"\x11" * 5
     again.host_wrote(b"N1\n", 5.5)
     assert again.to_host(9.5) == b""
+
+
+def test_unless_told_otherwise_the_mill_starts_as_its_profile_says() -> None:
+    """(5.4, 5.8) A sender that waits for the first XON hears one, in a rehearsal too."""
+    waited_for = dataclasses.replace(PROFILE, says_xon_at_start=True)
+    for fault, heard in (((), b"\x11" * 5), (("start=immediate",), b"")):
+        end = uart(*fault, profile=waited_for)
+        end.obey(Began(), 1.0)
+        assert end.to_host(5.5) == heard
 
 
 def test_same_seed_same_bytes() -> None:

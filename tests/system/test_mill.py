@@ -173,6 +173,8 @@ def test_modbus_agrees_with_the_motion_log(tmp_path: Path) -> None:
             (float(row["t_s"]), float(row["x_mm"]), float(row["y_mm"]), int(row["block"] or 0))
             for row in csv.DictReader(file)
         ]
+    assert {place for _, place, block in readings if block == 0} <= {(0.0, 0.0)}  # running, but nothing moves yet
+    readings = [reading for reading in readings if reading[2]]
     moving = [reading for reading in readings if any(abs(row[0] - 2 * reading[0]) < 0.01 for row in log)]
     assert len(moving) > 10
     for at_s, (x, y), block in moving:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import select
 import signal
 import subprocess
@@ -101,6 +102,20 @@ def test_dry_run_starts_its_own_mill(tmp_path: Path) -> None:
     assert '"baud": 96000' in (tmp_path / "report.json").read_text()
 
 
+def test_a_rehearsed_control_says_the_first_xon_where_it_is_waited_for(tmp_path: Path) -> None:
+    """(5.4) A profile with start wait-xon is rehearsed, with the line's options too; it waited for ever."""
+    program = tmp_path / "part.mpf"
+    program.write_bytes(b"N10 G90 T1 D1\nN20 G0 Z50\nN30 M30\n")
+    words = ["send", str(program), "--dry-run", "--machine", "slow-serial-1990s", "--speed", "20", "--baud", "4800"]
+    environment = {"XDG_STATE_HOME": str(tmp_path), "PATH": "/usr/bin:/bin"}
+    ran = subprocess.run(
+        [sys.executable, "-m", "dnc", *words, "--format", "8N1", "--report", str(tmp_path / "report.json")],
+        env=environment, capture_output=True, check=False, text=True, timeout=120,
+    )  # fmt: skip
+    assert ran.returncode == 0, ran.stderr
+    assert '"baud": 96000' in (tmp_path / "report.json").read_text()
+
+
 def test_a_dry_run_tells_what_the_mill_found_in_its_buffer(tmp_path: Path) -> None:
     """(1.3) All bytes had left before the mill met the mistake: it ended with code 0 and not a word of the alarm."""
     program = tmp_path / "part.mpf"
@@ -143,6 +158,30 @@ def offspring(pid: int) -> list[int]:
     """The children of a process, and theirs."""
     children = [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
     return children + [each for child in children for each in offspring(child)]
+
+
+@pytest.mark.parametrize(
+    ("faults", "exit_code", "verdict"),
+    [
+        (("start=repeat-xon", "feed-hold=0.1+4"), 0, "the control stopped us and let us go on"),
+        (("start=repeat-xon", "silence=20b"), 5, "never sent XOFF; if its feed override was at 0"),
+        (("start=immediate",), 5, "the control sent no XON in the time given"),
+    ],
+)
+def test_verdicts_on_a_cable(tmp_path: Path, faults: tuple[str, ...], exit_code: int, verdict: str) -> None:
+    """(5.9) A control that stops us, one that never does, one that was not started."""
+    words = {"receive_buffer_bytes": 512, "xoff_free_bytes": 120, "xon_fill_bytes": 200, "lookahead_blocks": 5}
+    machine = small_machine(tmp_path, **words)
+    text = machine.read_text().replace('start = "immediate"', 'start = "wait-xon"')
+    machine.write_text(re.sub(r"start_timeout_s = \S+", "start_timeout_s = 2.5", text))
+    options = [word for fault in faults for word in ("--fault", fault)]
+    with MillProcess(tmp_path, "--machine", machine, *options) as mill:
+        ran = subprocess.run(
+            [sys.executable, "-m", "dnc", "test-handshake", "--port", mill.ready["pty"], "--machine", machine, "--yes"],
+            env={"XDG_STATE_HOME": str(tmp_path), "PATH": "/usr/bin:/bin"},
+            capture_output=True, check=False, text=True, timeout=120,
+        )  # fmt: skip
+    assert (ran.returncode, verdict in ran.stderr) == (exit_code, True), ran.stderr
 
 
 def test_handshake_test_on_the_mill(tmp_path: Path) -> None:

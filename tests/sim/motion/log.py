@@ -29,6 +29,7 @@ def mill(
         format="8N1",
         xon=17,
         xoff=19,
+        says_xon_at_start=False,
         dialect="sinumerik",
         knot_rule="nx",
         poly_degree=5,
