@@ -67,7 +67,7 @@ class Faults:
     reaction: float = 0.0
     """s from the byte that fills the buffer to the mark until DC3 begins to leave"""
     start: StartRule | None = None
-    """what the control says at cycle start; unless set, as its profile has the sending side wait for (repeat-xon, or nothing)"""
+    """what the control says at cycle start; unless set, what its profile has the sending side wait for"""
     cycle_start: float = 0.0
     """s after which the operator presses cycle start"""
     xon_delay: float = 0.0
