@@ -12,7 +12,7 @@ from planner.errors import InputRejected
 from planner.path.arcs import arc_chain
 from planner.path.chord import paper_spline_within
 from planner.path.joint import joined
-from planner.path.link_bound import bound_links
+from planner.path.link_bound import bound_links, seen_gaps
 from planner.path.model import ArcChain, Method, Pass, Polyline
 from planner.path.polyline import lean_polyline
 from planner.path.roll import RolledSurface
@@ -24,6 +24,7 @@ from planner.path.trace import TracedCurve
 
 Kind = Literal["poly", "free", "paper", "arcs", "linear"]
 FIT_SHARE = 0.9  # of path_mm; the rest is left for the digits
+CLOSER = (1, 2, 4, 8, 16)  # how much closer sections of arcs and straight moves stand, try after try
 LINKS_AIM = 0.99  # of their tolerance for arcs and straight moves; the bound lies up to a hundredth above their aim
 
 
@@ -89,23 +90,36 @@ def shape_passes(
 
 
 def _links_within(curves: Sequence[TracedCurve], kind: Kind, tolerance_mm: float, *, ends_on_curve: bool) -> list[Pass]:
-    """Arcs or straight moves; their bound is proved where the curvature of the curves is enclosed."""
-    found: list[tuple[Polyline | ArcChain, float]] = []
-    tolerance_mm *= LINKS_AIM
-    for curve in curves:
-        if kind == "arcs":
-            found.append(arc_chain(curve, tolerance_mm))
-        else:
-            found.append(lean_polyline(curve, tolerance_mm, ends_on_curve=ends_on_curve))
+    """Arcs or straight moves; their bound is proved where the curvature of the curves is enclosed.
+
+    They are laid between sections, closer ones where a curve turns out to leave them by more than the tolerance between
+    two. Raises InputRejected where that does not help.
+    """
     table = patch_table(curves)
-    shapes = [shape for shape, _ in found]
-    bounds = np.full(len(curves), np.inf) if table is None else bound_links(curves, shapes, table)
-    passes = []
-    for curve, (shape, aimed_mm), bound_mm in zip(curves, found, bounds.tolist(), strict=True):
-        is_proved = np.isfinite(bound_mm)
-        deviation_mm, method = (bound_mm, Method.PROVED) if is_proved else (aimed_mm, Method.SAMPLED)
-        passes.append(Pass(curve.plane, shape, deviation_mm, method, _NONE, curve.length_mm))
-    return passes
+    passes: dict[int, Pass] = {}
+    rows = list(range(len(curves)))
+    for closer in CLOSER:
+        late = [curves[row] for row in rows]
+        shapes = [_links_of(curve, kind, LINKS_AIM * tolerance_mm, closer, is_held=ends_on_curve) for curve in late]
+        bounds = np.full(len(rows), np.inf) if table is None else bound_links(late, shapes, table)
+        is_proved = np.isfinite(bounds)
+        deviations_mm = np.where(is_proved, bounds, seen_gaps(late, shapes))
+        for row, curve, shape, one_mm, proved in zip(rows, late, shapes, deviations_mm, is_proved, strict=True):
+            method = Method.PROVED if proved else Method.SAMPLED
+            passes[row] = Pass(curve.plane, shape, float(one_mm), method, _NONE, curve.length_mm)
+        rows = [row for row in rows if passes[row].deviation_mm > tolerance_mm]
+        if not rows:
+            return [passes[row] for row in range(len(curves))]
+    what = f"{kind} do not reach {tolerance_mm:g} mm at {curves[rows[0]].plane.offset_mm:.3f} mm"
+    raise InputRejected(what, remedy='raise path_mm, or write splines (blocks = "auto" at a control that reads them)')
+
+
+def _links_of(
+    curve: TracedCurve, kind: Kind, tolerance_mm: float, closer: int, *, is_held: bool
+) -> Polyline | ArcChain:
+    if kind == "arcs":
+        return arc_chain(curve, tolerance_mm, closer)[0]
+    return lean_polyline(curve, tolerance_mm, closer, ends_on_curve=is_held)[0]
 
 
 def _paper_pass(curve: TracedCurve, tolerance_mm: float, radius_mm: float, table: SlopeTable | None) -> Pass:

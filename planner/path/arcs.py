@@ -41,9 +41,12 @@ class Reach:
     before: Reach | None
 
 
-def arc_chain(curve: ExactCurve, tolerance_mm: float) -> tuple[ArcChain, float]:
-    """Few arcs within the tolerance of the curve, ends on the curve's ends, and the distance they keep, mm."""
-    arc = _sections(curve, tolerance_mm)
+def arc_chain(curve: ExactCurve, tolerance_mm: float, closer: int = 1) -> tuple[ArcChain, float]:
+    """Few arcs within the tolerance of the curve, ends on the curve's ends, and the distance they keep, mm.
+
+    They keep it at sections, which stand `closer` times as close where the curvature changes too fast for the usual.
+    """
+    arc = _sections(curve, tolerance_mm, closer)
     points, tangents = (found[:, :, 0].T for found in CurveTable([curve]).read(np.array([0]), arc[:, None]))
     normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
     tube = Tube(points, normals, MARGIN * tolerance_mm)
@@ -54,7 +57,7 @@ def arc_chain(curve: ExactCurve, tolerance_mm: float) -> tuple[ArcChain, float]:
     return _chain(tube, reaches[0]), tolerance_mm
 
 
-def _sections(curve: ExactCurve, tolerance_mm: float) -> Array:
+def _sections(curve: ExactCurve, tolerance_mm: float, closer: int) -> Array:
     """Arc lengths so close that a longest arc, found from the change of curvature, crosses about 14 of them."""
     arc = curve.arc_mm - curve.arc_mm[0]
     change = np.abs(np.diff(curve.curvatures)) / np.diff(arc)
@@ -64,7 +67,7 @@ def _sections(curve: ExactCurve, tolerance_mm: float) -> Array:
     density = SECTIONS_AN_ARC * np.cbrt(change / (192.0 * tolerance_mm))
     # An arc of constant curvature needs sections, too: eight a radian, and some on the whole curve.
     density = np.maximum(np.maximum(density, 8.0 * bend), 2 * SECTIONS_AN_ARC / arc[-1])
-    rising = np.append(0.0, np.cumsum(density * np.diff(arc)))
+    rising = np.append(0.0, np.cumsum(closer * density * np.diff(arc)))
     return np.asarray(np.interp(np.linspace(0.0, rising[-1], int(np.ceil(rising[-1])) + 2), rising, arc))
 
 

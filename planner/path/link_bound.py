@@ -106,6 +106,20 @@ def bound_links(
     return bounds
 
 
+def seen_gaps(curves: Sequence[TracedCurve], shapes: Sequence[Polyline | ArcChain], a_step: int = 4) -> Array:
+    """Largest distances (p,), mm, between shapes and exact curves at the curves' nodes and three places between."""
+    links = _links(curves, shapes)
+    shares = np.arange(a_step) / a_step
+    arcs = [curve.arc_mm for curve in curves]
+    places = [np.append((arc[:-1, None] + shares * np.diff(arc)[:, None]).ravel(), arc[-1]) for arc in arcs]
+    rows = np.repeat(np.arange(len(curves)), [len(arc) for arc in places])
+    exact = exact_at(curves, rows, np.concatenate(places))
+    gaps, _ = links.gaps(_link_of(links, rows, np.concatenate(places)), exact.points, exact.tangents)
+    return np.maximum(
+        np.maximum.reduceat(gaps, np.searchsorted(rows, np.arange(len(curves)))), _end_gaps(curves, shapes)
+    )
+
+
 def _stretches(
     links: _Links, curves: Sequence[TracedCurve], source: PatchSlopes, rows: Index, places: Array
 ) -> _Stretches:

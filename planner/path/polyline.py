@@ -35,13 +35,15 @@ class Line:
         return self.at + (other.value(self.at) - self.height) / (self.slope - other.slope)
 
 
-def lean_polyline(curve: ExactCurve, tolerance_mm: float, *, ends_on_curve: bool = False) -> tuple[Polyline, float]:
+def lean_polyline(
+    curve: ExactCurve, tolerance_mm: float, closer: int = 1, *, ends_on_curve: bool = False
+) -> tuple[Polyline, float]:
     """The polyline with the fewest vertices within the tolerance of the curve, and its largest distance from it, mm.
 
     Vertices may lie off the curve, both ends only if `ends_on_curve` does not forbid it. Where the curve turns by more
-    than a radian it is cut there, on the curve.
+    than a radian it is cut there, on the curve. Sections stand `closer` times as close as usual.
     """
-    arc = _sections(curve, tolerance_mm)
+    arc = _sections(curve, tolerance_mm, closer)
     points, tangents = (found[:, :, 0].T for found in CurveTable([curve]).read(np.array([0]), arc[:, None]))
     vertices: list[Array] = []
     deviation_mm = 0.0
@@ -64,14 +66,14 @@ def lean_polyline(curve: ExactCurve, tolerance_mm: float, *, ends_on_curve: bool
     return Polyline(np.concatenate(vertices)), deviation_mm + 0.03 * tolerance_mm
 
 
-def _sections(curve: ExactCurve, tolerance_mm: float) -> Array:
+def _sections(curve: ExactCurve, tolerance_mm: float, closer: int) -> Array:
     """Arc lengths so close that the curve between two leaves its chord by less than 3 % of the tolerance."""
     arc = curve.arc_mm - curve.arc_mm[0]
     bend = np.abs(curve.curvatures)
     near = np.pad(bend, 1, mode="edge")
     bend = np.maximum(np.maximum(near[:-2], near[2:]), bend)
     density = np.maximum(np.sqrt(bend / (0.16 * tolerance_mm)), SECTIONS_A_LINK / arc[-1])
-    rising = np.append(0.0, np.cumsum(np.maximum(density[1:], density[:-1]) * np.diff(arc)))
+    rising = np.append(0.0, np.cumsum(closer * np.maximum(density[1:], density[:-1]) * np.diff(arc)))
     return np.asarray(np.interp(np.linspace(0.0, rising[-1], int(np.ceil(rising[-1])) + 2), rising, arc))
 
 

@@ -34,6 +34,14 @@ def wavy_patch(seed: int = 0, size_mm: float = 60.0, height_mm: float = 1.2) -> 
     return NurbsPatch(3, 3, clamped(9), clamped(9), points)
 
 
+def uneven_patch(seed: int) -> NurbsPatch:
+    """Of degree 2 in u, along x, with knots close together: the curvature of a pass jumps and changes fast."""
+    heights = 0.1 * np.random.default_rng(seed).standard_normal((6, 5))
+    x, y = np.meshgrid(np.linspace(0, 25, 6), np.linspace(0, 20, 5), indexing="ij")
+    knots = np.array([0, 0, 0, 0.38, 0.42, 0.84, 1, 1, 1])
+    return NurbsPatch(2, 3, knots, clamped(5), np.stack([x, y, heights], axis=2))
+
+
 def slope_patch(steepest_deg: float = 45.0, size_mm: float = 40.0) -> NurbsPatch:
     """A bicubic that rises along y and dips along x, up to about this steep."""
     rise = np.tan(np.radians(steepest_deg)) * size_mm / 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -14,9 +15,9 @@ from planner.path.polyline import lean_polyline
 from planner.path.slope_range import patch_table
 from planner.path.strategy.parallel import Wishes, lay_parallel
 from planner.path.trace import TracedCurve
-from planner.shapes import shape_passes
+from planner.shapes import FIT_SHARE, shape_passes
 from planner.surface.patch import NurbsPatch
-from tests.planner.surfaces import cylinder_patch, slope_patch, sphere_patch, thesis_patch, wavy_patch
+from tests.planner.surfaces import cylinder_patch, slope_patch, sphere_patch, thesis_patch, uneven_patch, wavy_patch
 
 PATCHES = {
     "thesis": thesis_patch(),
@@ -72,6 +73,18 @@ def test_passes_of_arcs_and_of_straight_moves_are_proved(kind: str) -> None:
     for one in shape_passes(curves_over(thesis_patch(), 0.001), "arcs" if kind == "arcs" else "linear", 0.001, 4.0):
         assert one.method is Method.PROVED
         assert one.deviation_mm <= 0.0009
+
+
+@pytest.mark.parametrize("seed", [0, 9, 12])
+@pytest.mark.parametrize("kind", ["arcs", "linear"])
+def test_sections_come_closer_where_the_curvature_changes_fast(seed: int, kind: Literal["arcs", "linear"]) -> None:
+    """(4.3) Arcs left such curves by up to 1.6 times the tolerance between two sections, and were written so."""
+    wishes = Wishes(4.0, 0.0, None, 2.0)
+    curves = lay_parallel(uneven_patch(seed), wishes, accuracy_mm=2.5e-7, reading_mm=2.5e-5).curves
+    for curve, one in zip(curves, shape_passes(curves, kind, 0.0025, 4.0), strict=True):
+        assert one.deviation_mm <= FIT_SHARE * 0.0025
+        assert isinstance(one.shape, Polyline | ArcChain)
+        assert sampled_mm(curve, one.shape) <= one.deviation_mm
 
 
 @pytest.mark.parametrize("vertex", [0, 3, -1])
