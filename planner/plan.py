@@ -18,7 +18,7 @@ from planner.errors import InputRejected
 from planner.job import Job, Operation, load_job
 from planner.path.gouge import tool_side
 from planner.path.model import Method, ToolPath
-from planner.path.moves import in_order, nodes_of
+from planner.path.moves import in_order
 from planner.path.strategy.angle import best_angle_rad
 from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
 from planner.post.base import write_program
@@ -28,6 +28,7 @@ from planner.shapes import kind_of, shape_layout
 from planner.surface.curvature import survey
 from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
+from planner.travel import Travel, check_part, check_program
 
 FINEST_PATH_MM = 1e-5
 
@@ -60,7 +61,7 @@ def plan_job(
     with_rivals: bool = False,
     lift_mm: float = 0.0,
     time_of: Callable[[bytes], float] | None = None,
-    travel_mm: tuple[float, float, float] | None = None,
+    travel_mm: Travel | None = None,
 ) -> Planned:
     """Plan the job in this file for a control.
 
@@ -78,6 +79,8 @@ def plan_job(
         what = f"{len(patches)} patches in one surface are not built yet"
         raise InputRejected(what, path=job_path.parent / job.part.surface, remedy="plan each patch in its own file")
     begin = time.perf_counter()
+    if travel_mm is not None:
+        check_part(patches[0], job.tool_of(operation).radius_mm, travel_mm, job_path)
     layout = _laid(job, operation, patches[0], job_path)
     tool_path, written = min(
         (
@@ -88,7 +91,7 @@ def plan_job(
     )
     planning_s = time.perf_counter() - begin
     if travel_mm is not None:
-        _check_travel(job, tool_path, travel_mm, job_path)
+        check_program(job, tool_path, travel_mm, job_path)
     report = plan_report(
         job, operation, tool_path, layout, written, line=line, rapid_mm_min=rapid_mm_min, planning_time_s=planning_s
     )
@@ -188,19 +191,6 @@ def _check_clearance(job: Job, layout: Layout, path: Path) -> None:
         asked = f"clearance_z_mm {job.setup.clearance_z_mm:g}"
         what = f"{asked} is not above {surface.patch.name}, which reaches Z{top_mm:.3f}"
         raise InputRejected(what, path=path, remedy="give clearance_z_mm and safe_z_mm above the part and its clamps")
-
-
-def _check_travel(job: Job, tool_path: ToolPath, travel_mm: tuple[float, float, float], path: Path) -> None:
-    """Raises InputRejected where the program reaches further along an axis than the machine goes."""
-    points = [one.plane.to_work(nodes_of(one.shape)) for one in tool_path.passes]
-    low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
-    # Centres of the ball so far; a programmed tip stands lower.
-    high[2] = job.setup.safe_z_mm + (tool_path.radius_mm if job.post.reference == "tip" else 0.0)
-    for axis, span_mm, most_mm in zip("XYZ", high - low, travel_mm, strict=True):
-        if span_mm > most_mm:
-            what = f"the program reaches over {span_mm:.4g} mm along {axis}, the machine over {most_mm:g}"
-            remedy = "lower safe_z_mm and clearance_z_mm" if axis == "Z" else "cut the part in pieces"
-            raise InputRejected(what, path=path, remedy=remedy)
 
 
 def _warnings(operation: Operation, report: dict[str, Any], line: tuple[int, float]) -> list[str]:

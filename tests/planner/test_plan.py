@@ -132,7 +132,17 @@ def test_planning_twice_gives_the_same_bytes(tmp_path: Path) -> None:
         (
             [("scallop_mm = 0.08", "pick_feed_mm = 1.0")],
             (SURFACE, PLATE_OF_5_M),
-            r"pick_feed_mm asks for about 25\.\d km of passes, more than 5 km",
+            r"patch 1 is 5000 mm long along X, the machine goes over 1500; cut the part in pieces",
+        ),
+        (
+            [("scallop_mm = 0.08", "pick_feed_mm = 0.05")],
+            (SURFACE, PLATE_OF_5_M.replace("5000", "800")),
+            r"pick_feed_mm asks for about 13.* km of passes, more than 5 km",
+        ),
+        (
+            [("angle_deg = 0.0", "angle_deg = 30.0")],
+            (SURFACE, PLATE_OF_5_M.replace("[5000", "[300").replace("5000", "1600")),
+            r"1600 mm long along Y",
         ),
         ([("surface.toml", "absent.toml")], None, r"absent\.toml: cannot be read"),
         (
