@@ -14,6 +14,7 @@ from planner.path.model import ArcChain, Method, PlaneSpline, Polyline, Shape, T
 from planner.path.moves import AirMoves, air_moves
 from planner.path.spans import bezier_points, joints_of
 from planner.path.strategy.parallel import Layout
+from planner.post.bspline import with_blocks
 from planner.post.written import Written
 
 Array = NDArray[np.float64]
@@ -133,14 +134,26 @@ def _cutting_counts(starts: list[int], written: Written, extra: int) -> list[int
 
 
 def _shares(shape: Shape, count: int) -> Array:
-    """How the blocks of a pass share its length: as its segments do, or evenly where they are not one to one."""
-    if isinstance(shape, PlaneSpline):
-        runs = np.hypot(*np.diff(bezier_points([shape]), axis=1).transpose(2, 0, 1)).sum(axis=1)
-    else:
+    """How the blocks of a pass share its length (count,): a block has the segment that begins when it falls due.
+
+    The first span of a BSPLINE wants four points, so that its first two or three blocks fall due together with the
+    next. Where no rule fits, the blocks share evenly.
+    """
+    if not isinstance(shape, PlaneSpline):
         runs = np.hypot(*np.diff(shape.points, axis=0).T)
+    elif shape.degree == 3 and count > _spans(shape) + 3:
+        return _shares(with_blocks(shape, count + 1), count)
+    else:
+        runs = np.hypot(*np.diff(bezier_points([shape]), axis=1).transpose(2, 0, 1)).sum(axis=1)
+        lead = count - len(runs) if count - len(runs) in (2, 3) else 0
+        runs = np.append(np.zeros(lead), runs)
     if len(runs) != count:
         runs = np.ones(count)
     return np.asarray(runs / runs.sum())
+
+
+def _spans(spline: PlaneSpline) -> int:
+    return len(joints_of(spline)) - 1
 
 
 def _first_z(shape: Shape) -> float:

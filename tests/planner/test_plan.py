@@ -6,12 +6,14 @@ import json
 import re
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.interpolate import BSpline
 
 from dnc.cli.main import run_with
 from dnc.cli.plan import command
@@ -223,6 +225,39 @@ def test_a_feed_beyond_the_line_is_warned_of(tmp_path: Path) -> None:
     assert limits["120"] < limits["100"] < 20000
     assert any(f"600 baud and 120 % override the line feeds {limits['120']:.0f} mm/min" in w for w in planned.warnings)
     assert not any("starve" in warning for warning in plan_job(job_in(tmp_path), LIMITS).warnings)
+
+
+def test_the_blocks_of_a_bspline_fall_due_with_the_span_that_wants_their_point(tmp_path: Path) -> None:
+    """(4.8) Read anew from the program: no 2 s window of a pass starves below the limit, one does above it."""
+    job = shipped_path("jobs", "wave").read_text().replace("../surfaces/wave.toml", "surface.toml")
+    (tmp_path / "surface.toml").write_bytes(shipped_path("surfaces", "wave").read_bytes())
+    (tmp_path / "job.toml").write_text(job.replace("pick_feed_mm = 0.5", "pick_feed_mm = 7.5"))
+    planned = plan_job(tmp_path / "job.toml", LIMITS, post={"blocks": "bspline"}, line=(600, 10.0))
+    limit = planned.report["feed_limit_mm_min"]["600"]["100"]
+    passes = [due_blocks(text) for text in planned.program.decode().split("BSPLINE ")[1:]]
+
+    def starves(start_mm: np.ndarray, size_bytes: np.ndarray, feed_mm_s: float) -> bool:
+        """Windows that begin with a span; the first two blocks come during the plunge."""
+        start_s = start_mm / feed_mm_s
+        return any(size_bytes[2:][(start_s[2:] >= at) & (start_s[2:] < at + 2.0)].sum() > 120 for at in start_s[2:])
+
+    assert not any(starves(*one, 0.99 * limit / 60) for one in passes)
+    assert any(starves(*one, 1.01 * limit / 60) for one in passes)
+
+
+def due_blocks(text: str) -> tuple[np.ndarray, np.ndarray]:
+    """Of one pass, from behind the word BSPLINE: how far the pass has got when each block falls due, and its bytes."""
+    lines = text.split("\n")
+    last = next(number for number, line in enumerate(lines) if "G9" in line)
+    sizes = np.array([len(line) + 1.0 for line in lines[: last + 1]]) + 8.0 * (np.arange(last + 1) == 0)
+    intervals = [float(re.search(r"PL=([\d.]+)", line)[1]) for line in lines[: last + 1]]  # type: ignore[index]
+    knots = np.cumsum([0.0, 0.0, 0.0, *intervals, 0.0, 0.0])
+    points = np.array([[float(w) for w in re.findall(r"[XZ](-?[\d.]+)", line)] for line in lines[: last + 1]])
+    first = 2 * points[0] - points[1]  # nearly: the point itself stands before the BSPLINE
+    curve = BSpline(knots, np.vstack([first, points]), 3)
+    at = knots[3:-3]
+    runs = [np.hypot(*np.diff(curve(np.linspace(*pair, 200)), axis=0).T).sum() for pair in pairwise(at)]
+    return np.concatenate([[0.0, 0.0], np.cumsum([0.0, *runs[:-1]])]), sizes
 
 
 def test_a_plunge_of_the_tip_is_measured_at_the_tip(tmp_path: Path) -> None:
