@@ -49,13 +49,30 @@ class SlopeTable:
         is_inside = (first[0] >= 0) & (first[1] >= 0) & (last[0] < shape[0]) & (last[1] < shape[1])
         found = (*what.low.shape[:-2], low.shape[1])
         least, most = np.full(found, np.inf), np.full(found, -np.inf)
-        for i in range(int((last[0] - first[0])[is_inside].max(initial=0)) + 1):
-            for j in range(int((last[1] - first[1])[is_inside].max(initial=0)) + 1):
-                at = np.flatnonzero(is_inside & (first[0] + i <= last[0]) & (first[1] + j <= last[1]))
-                cell = (..., first[0][at] + i, first[1][at] + j)
-                least[..., at] = np.minimum(least[..., at], what.low[cell])
-                most[..., at] = np.maximum(most[..., at], what.high[cell])
+        # Four blocks of 2^a by 2^b cells, which may overlap, cover a box whatever its size.
+        counts = np.array(last) - first + 1
+        sizes = 64 * (np.frexp(counts[0])[1] - 1) + np.frexp(counts[1])[1] - 1
+        is_read = is_inside & (counts > 0).all(axis=0)
+        for size in np.flatnonzero(np.bincount(sizes[is_read])).tolist():
+            a, b = divmod(size, 64)
+            blocks = _in_blocks(what, a, b)
+            at = np.flatnonzero(is_read & (sizes == size))
+            for i in (first[0][at], last[0][at] + 1 - 2**a):
+                for j in (first[1][at], last[1][at] + 1 - 2**b):
+                    least[..., at] = np.minimum(least[..., at], blocks.low[..., i, j])
+                    most[..., at] = np.maximum(most[..., at], blocks.high[..., i, j])
         return Range(np.where(is_inside, least, -np.inf), np.where(is_inside, most, np.inf))
+
+
+def _in_blocks(what: Range, a: int, b: int) -> Range:
+    """The range over the 2^a by 2^b cells that begin at each cell, for all cells where so many are left."""
+    low, high = what.low, what.high
+    for axis, power in ((-2, a), (-1, b)):
+        for half in 2 ** np.arange(power):
+            low, high = np.moveaxis(low, axis, 0), np.moveaxis(high, axis, 0)
+            low, high = np.minimum(low[:-half], low[half:]), np.maximum(high[:-half], high[half:])
+            low, high = np.moveaxis(low, 0, axis), np.moveaxis(high, 0, axis)
+    return Range(low, high)
 
 
 def slope_table(surface: OffsetSurface, finer: int = 1, reach: tuple[Array, Array] | None = None) -> SlopeTable:
