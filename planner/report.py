@@ -136,24 +136,35 @@ def _cutting_counts(starts: list[int], written: Written, extra: int) -> list[int
 def _shares(shape: Shape, count: int) -> Array:
     """How the blocks of a pass share its length (count,): a block has the segment that begins when it falls due.
 
-    The first span of a BSPLINE wants four points, so that its first two or three blocks fall due together with the
-    next. Where no rule fits, the blocks share evenly.
+    Where no rule fits, the blocks share evenly.
     """
     if not isinstance(shape, PlaneSpline):
         runs = np.hypot(*np.diff(shape.points, axis=0).T)
-    elif shape.degree == 3 and count > _spans(shape) + 3:
-        return _shares(with_blocks(shape, count + 1), count)
     else:
-        runs = np.hypot(*np.diff(bezier_points([shape]), axis=1).transpose(2, 0, 1)).sum(axis=1)
-        lead = count - len(runs) if count - len(runs) in (2, 3) else 0
-        runs = np.append(np.zeros(lead), runs)
+        runs = _run_mm(shape)
+        runs = (
+            runs if len(runs) == count or shape.degree != 3 else _runs_of_points(with_blocks(shape, count + 1), count)
+        )
     if len(runs) != count:
         runs = np.ones(count)
     return np.asarray(runs / runs.sum())
 
 
-def _spans(spline: PlaneSpline) -> int:
-    return len(joints_of(spline)) - 1
+def _runs_of_points(spline: PlaneSpline, count: int) -> Array:
+    """Lengths of the blocks of a BSPLINE: the span up to the knot behind point i wants the points up to i.
+
+    The first three points come before the first span, with or without the very first.
+    """
+    points = len(spline.control_points)
+    spans = np.diff(spline.knots[3 : points + 1])
+    runs = np.zeros(len(spans))
+    runs[spans > 0] = _run_mm(spline)
+    return np.append(np.zeros(max(count - len(runs), 0)), runs)
+
+
+def _run_mm(spline: PlaneSpline) -> Array:
+    """About the lengths of the spans that are not empty."""
+    return np.asarray(np.hypot(*np.diff(bezier_points([spline]), axis=1).transpose(2, 0, 1)).sum(axis=1))
 
 
 def _first_z(shape: Shape) -> float:

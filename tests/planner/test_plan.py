@@ -245,6 +245,14 @@ def test_the_blocks_of_a_bspline_fall_due_with_the_span_that_wants_their_point(t
     assert any(starves(*one, 1.01 * limit / 60) for one in passes)
 
 
+@pytest.mark.parametrize("blocks", ["poly", "bspline", "arcs", "linear"])
+def test_every_way_of_writing_goes_over_the_edge(tmp_path: Path, blocks: str) -> None:
+    """(4.2, 4.8) Splines with knots that stand several times at a place have fewer spans than their points say."""
+    planned = plan_job(job_in(tmp_path, ('edge = "to-border"', 'edge = "roll-over"')), LIMITS, post={"blocks": blocks})
+    assert planned.report["path_deviation_mm"] <= 0.001
+    assert set(planned.report["feed_limit_mm_min"]["9600"]) == {"100", "120"}
+
+
 def due_blocks(text: str) -> tuple[np.ndarray, np.ndarray]:
     """Of one pass, from behind the word BSPLINE: how far the pass has got when each block falls due, and its bytes."""
     lines = text.split("\n")
