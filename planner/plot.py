@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _INK, _PASS, _MARK = "#1b1f24", "#0b6e99", "#c8401e"
+_MOST_DRAWN = 80  # passes
 
 
 def draw_plan(planned: Planned) -> bytes:
@@ -50,7 +51,10 @@ def draw_plan(planned: Planned) -> bytes:
 
 
 def _draw_passes(figure: Any, axes: Any, planned: Planned) -> None:
-    """Heights of the part seen from above, every pass over them with an arrow the way it runs."""
+    """Heights of the part seen from above, passes over them with arrows the way they run.
+
+    Of very many passes every n-th is drawn, as all would be one tint.
+    """
     surface = planned.layout.ground.surface
     angle_rad = planned.tool_path.passes[0].plane.angle_rad
     patch = surface.patch.turned(-angle_rad)
@@ -59,11 +63,14 @@ def _draw_passes(figure: Any, axes: Any, planned: Planned) -> None:
     x, y, z = (part.reshape(81, 81) for part in patch.evaluate(grid[0].ravel(), grid[1].ravel()).point)
     heights = axes.contourf(x, y, z, levels=16, cmap="Greys", alpha=0.75)
     figure.colorbar(heights, ax=axes, label="Z of the part, mm", shrink=0.7)
-    width = float(np.clip(60 / len(planned.tool_path.passes), 0.15, 1.0))
-    for one in planned.tool_path.passes:
+    passes = planned.tool_path.passes
+    every = -(-len(passes) // _MOST_DRAWN)
+    drawn = passes[::every]
+    width = float(np.clip(60 / len(drawn), 0.5, 1.0))
+    for one in drawn:
         points = one.plane.to_work(_sampled(one, 80))
         axes.plot(points[:, 0], points[:, 1], color=_PASS, linewidth=width)
-        if len(planned.tool_path.passes) <= 60:
+        if len(drawn) <= 60:
             middle = points[len(points) // 2 : len(points) // 2 + 2]
             head = {"arrowstyle": "-|>", "color": _PASS, "lw": width}
             axes.annotate("", xy=middle[1, :2], xytext=middle[0, :2], arrowprops=head)
@@ -71,7 +78,8 @@ def _draw_passes(figure: Any, axes: Any, planned: Planned) -> None:
     worst = patch.evaluate(np.array([u_worst]), np.array([v_worst])).point[:, 0]
     label = f"highest scallop, {1000 * planned.report['scallop_mm']:.1f} µm"
     axes.plot(worst[0], worst[1], "o", color=_MARK, markersize=8, fillstyle="none", markeredgewidth=2, label=label)
-    axes.set(aspect="equal", xlabel="X, mm", ylabel="Y, mm", title="Ball centres over the part")
+    title = "Ball centres over the part" + (f"; one pass of {every} is drawn" if every > 1 else "")
+    axes.set(aspect="equal", xlabel="X, mm", ylabel="Y, mm", title=title)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), frameon=False)
 
 
@@ -113,7 +121,7 @@ def _draw_pass(axes: Any, planned: Planned) -> None:
         title=f"One pass, {where}, within {one.deviation_mm * 1000:.2f} µm",
     )
     axes.grid(alpha=0.25)
-    axes.legend(loc="best", frameon=False)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False)
 
 
 def _places(planned: Planned) -> tuple[Array, Array]:
