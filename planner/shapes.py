@@ -92,15 +92,15 @@ def shape_passes(
 def _links_within(curves: Sequence[TracedCurve], kind: Kind, tolerance_mm: float, *, ends_on_curve: bool) -> list[Pass]:
     """Arcs or straight moves; their bound is proved where the curvature of the curves is enclosed.
 
-    They are laid between sections, closer ones where a curve turns out to leave them by more than the tolerance between
-    two. Raises InputRejected where that does not help.
+    They are laid between sections, closer ones and to a little less where a curve turns out to leave them by more than
+    the tolerance between two. Raises InputRejected where that does not help.
     """
     table = patch_table(curves)
     passes: dict[int, Pass] = {}
-    rows = list(range(len(curves)))
+    rows, aims_mm = list(range(len(curves))), np.full(len(curves), LINKS_AIM * tolerance_mm)
     for closer in CLOSER:
         late = [curves[row] for row in rows]
-        shapes = [_links_of(curve, kind, LINKS_AIM * tolerance_mm, closer, is_held=ends_on_curve) for curve in late]
+        shapes = [_links_of(curves[row], kind, aims_mm[row], closer, is_held=ends_on_curve) for row in rows]
         bounds = np.full(len(rows), np.inf) if table is None else bound_links(late, shapes, table)
         is_proved = np.isfinite(bounds)
         deviations_mm = np.where(is_proved, bounds, seen_gaps(late, shapes))
@@ -110,7 +110,9 @@ def _links_within(curves: Sequence[TracedCurve], kind: Kind, tolerance_mm: float
         rows = [row for row in rows if passes[row].deviation_mm > tolerance_mm]
         if not rows:
             return [passes[row] for row in range(len(curves))]
-    what = f"{kind} do not reach {tolerance_mm:g} mm at {curves[rows[0]].plane.offset_mm:.3f} mm"
+        aims_mm[rows] *= 0.98
+    name = "arcs" if kind == "arcs" else "straight moves"
+    what = f"{name} do not reach {tolerance_mm:g} mm at {curves[rows[0]].plane.offset_mm:.3f} mm"
     raise InputRejected(what, remedy='raise path_mm, or write splines (blocks = "auto" at a control that reads them)')
 
 
