@@ -23,6 +23,8 @@ from planner.path.seeds import Seeds
 
 Array = NDArray[np.float64]
 
+PATIENCE = 4  # halvings before a gap that stays wide is looked into
+
 
 @dataclass(frozen=True, slots=True)
 class CurveSamples:
@@ -114,11 +116,13 @@ def trace(
     place = w_mm[owner, 0] + rank / (counts[owner] - 1) * (w_mm[owner, 1] - w_mm[owner, 0])
     offsets = np.array([plane.offset_mm for plane in planes])
     nodes = _solve_all(surface, offsets[owner], place, seeds.near(np.stack([place, offsets[owner]])))
-    for _ in range(rounds):
+    for turn in range(rounds):
         is_wide = wide_gaps(owner, nodes.points, nodes.tangents, nodes.curvatures, accuracy_mm=accuracy_mm)
         wide = np.flatnonzero(is_wide)
         if not len(wide):
             break
+        if turn >= PATIENCE:
+            _call_back(surface, owner, offsets, nodes, wide)
         middle = (nodes.points[wide, 0] + nodes.points[wide + 1, 0]) / 2
         guess = (nodes.parameters[wide] + nodes.parameters[wide + 1]).T / 2
         more = _solve_all(surface, offsets[owner[wide]], middle, guess)
@@ -135,6 +139,41 @@ def trace(
         TracedCurve(plane, _arc_lengths(points, tangents, bends), points, tangents, bends, parameters, surface)
         for plane, (points, tangents, bends, parameters) in zip(planes, parts, strict=True)
     ]
+
+
+def _call_back(
+    surface: OffsetSurface, owner: NDArray[np.intp], offsets_mm: Array, nodes: CurveSamples, wide: NDArray[np.intp]
+) -> None:
+    """Bring nodes (m,) that Newton found on another fold of the extended surface back to the curve, in place.
+
+    A gap that stays wide however it is halved jumps from fold to fold. Of its two ends the one further from the part
+    is at fault, and is solved anew from where the curve goes on from the other.
+    """
+    low, high = np.array(surface.patch.domain).T
+    outside = np.maximum(np.maximum(low - nodes.parameters, nodes.parameters - high), 0.0) / (high - low)
+    far = outside.max(axis=1)
+    starts = np.flatnonzero(np.append(True, owner[1:] != owner[:-1]))
+    # What is on the part, or nearest to it where a whole curve runs outside, is where it should be.
+    is_held = far <= np.repeat(np.minimum.reduceat(far, starts), np.diff(np.append(starts, len(owner))))
+    held = np.flatnonzero(is_held)
+    to_behind = _distance(owner, wide, held[np.searchsorted(held, wide, side="right") - 1])
+    to_ahead = _distance(owner, wide + 1, held[np.minimum(np.searchsorted(held, wide + 1), len(held) - 1)])
+    is_first = to_behind > to_ahead
+    bad, good = np.where(is_first, wide, wide + 1), np.where(is_first, wide + 1, wide)
+    rest = np.clip(2 * good - bad, 0, len(owner) - 1)
+    is_known = (owner[bad] == owner[good]) & (owner[rest] == owner[good]) & (to_behind != to_ahead)
+    bad, good, rest = bad[is_known], good[is_known], rest[is_known]
+    w_mm = nodes.points[:, 0]
+    share = ((w_mm[bad] - w_mm[good]) / (w_mm[good] - w_mm[rest]))[:, None]
+    guess = nodes.parameters[good] + share * (nodes.parameters[good] - nodes.parameters[rest])
+    found, is_found = solve_on_planes(surface, offsets_mm[owner[bad]], w_mm[bad], guess.T.copy())
+    for field in fields(nodes):
+        getattr(nodes, field.name)[bad[is_found]] = getattr(found, field.name)[is_found]
+
+
+def _distance(owner: NDArray[np.intp], from_: NDArray[np.intp], to: NDArray[np.intp]) -> NDArray[np.intp]:
+    """How many nodes lie between, more than there are where both are not of one curve."""
+    return np.where(owner[from_] == owner[to], np.abs(from_ - to), len(owner))
 
 
 def _solve_all(surface: OffsetSurface, offsets_mm: Array, w_mm: Array, guess: Array) -> CurveSamples:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from planner.path.curve import CurveTable
 from planner.path.strategy.parallel import Wishes, lay_parallel
+from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
 from tests.planner.surfaces import cylinder_patch, plane_patch, slope_patch, sphere_patch, thesis_patch, wavy_patch
 
@@ -102,3 +105,14 @@ def horseshoe() -> NurbsPatch:
     points = np.stack([np.column_stack([radius * ring, np.zeros(5)]) for radius in (20.0, 30.0)])
     knots = np.array([0, 0, 0, 1, 1, 2, 2, 2], dtype=float)
     return NurbsPatch(1, 2, np.array([0.0, 0, 1, 1]), knots, points, np.stack([weights, weights]))
+
+
+def test_a_pass_stays_on_its_fold_behind_the_border() -> None:
+    """(4.7) Carried on beyond its border this patch folds over; nodes found on another fold ended the plan."""
+    (patch,) = load_surface(Path(__file__).parents[1] / "data/folds-behind.toml")
+    curves = lay_parallel(patch, Wishes(4.0, 0.0, 0.08 - 0.04 / 3.92, None), accuracy_mm=1e-6, reading_mm=1e-4).curves
+    sizes = np.ptp(patch.domain, axis=1)
+    for curve in curves:
+        steps = np.abs(np.diff(curve.parameters, axis=0)) / sizes
+        assert steps.max() < 0.2
+        assert np.abs(np.diff(curve.points[:, 1])).max() < 1.5 * np.diff(curve.points[:, 0]).max()
