@@ -103,7 +103,7 @@ def _links_within(curves: Sequence[TracedCurve], kind: Kind, tolerance_mm: float
         shapes = [_links_of(curves[row], kind, aims_mm[row], closer, is_held=ends_on_curve) for row in rows]
         bounds = np.full(len(rows), np.inf) if table is None else bound_links(late, shapes, table)
         is_proved = np.isfinite(bounds)
-        deviations_mm = np.where(is_proved, bounds, seen_gaps(late, shapes))
+        deviations_mm = bounds if is_proved.all() else np.where(is_proved, bounds, seen_gaps(late, shapes))
         for row, curve, shape, one_mm, proved in zip(rows, late, shapes, deviations_mm, is_proved, strict=True):
             method = Method.PROVED if proved else Method.SAMPLED
             passes[row] = Pass(curve.plane, shape, float(one_mm), method, _NONE, curve.length_mm)
