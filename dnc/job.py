@@ -14,7 +14,7 @@ from types import FrameType
 from typing import Any
 
 from dnc import alarms
-from dnc.aftermath import leave_mark
+from dnc.aftermath import begin_mark, leave_mark
 from dnc.capture import Capture
 from dnc.errors import ControlStopped, LineFault, OperatorAbort
 from dnc.eventlog import EventLog, Listener
@@ -31,11 +31,11 @@ from dnc.pacing import (
     default_lag_s,
     default_slack,
 )
-from dnc.places import runtime_folder, state_folder
+from dnc.places import runtime_folder, state_folder, write_whole
 from dnc.port import Flow, Port
 from dnc.priority import on_time
 from dnc.profile import Link, MachineProfile
-from dnc.record import append_record, doubt_words, in_doubt, send_report, write_whole
+from dnc.record import append_record, doubt_words, in_doubt, send_report
 from dnc.sender import Rules, Sender
 from dnc.service.publisher import Publisher
 from dnc.service.snapshot import JobView
@@ -89,7 +89,8 @@ def rules_of(link: Link) -> Rules:
 class Job:
     """Runs once; `stream` may be asked to pause, resume or abort meanwhile.
 
-    `unheard_events` is how many events a slow listener had not heard when the job's end could wait no longer.
+    `unheard_events` is how many events a slow listener had not heard when the job's end could wait no longer,
+    `not_kept` why the record or the mark of the port could not be written, empty if they were.
     """
 
     def __init__(
@@ -103,6 +104,7 @@ class Job:
         self.journal = Journal(self._folder / "journal", tape.sha256, ahead, self._wake)
         self.stream = Stream(self.sender, port, self.journal, self.events.add)
         self.unheard_events = 0
+        self.not_kept = ""
         self._is_realtime = False
         self._started = datetime.now(UTC)
 
@@ -113,6 +115,7 @@ class Job:
         publisher.start()
         self.journal.open()
         self._write_about()
+        self._keep(lambda: begin_mark(self.port.identity, self.names.job_id, self.names.program))
         with _signals(self.stream):  # to the end: a second Ctrl-C must not take the record away
             try:
                 with on_time() as self._is_realtime:
@@ -149,6 +152,13 @@ class Job:
         with contextlib.suppress(OSError):
             write_whole(self._folder / "job.json", json.dumps(about, indent=1) + "\n")
 
+    def _keep(self, write: Callable[[], None]) -> None:
+        """Write something of the job to disk; what fails is told afterwards, and stops nothing."""
+        try:
+            write()
+        except OSError as problem:
+            self.not_kept = problem.strerror or str(problem)
+
     def _wake(self) -> None:
         self.stream.wake()
 
@@ -176,9 +186,8 @@ class Job:
             hold_ups=[[round(ended_s, 6), round(lasted_s, 6)] for ended_s, lasted_s in self.stream.hold_ups.recent],
             exit_code=code,
         )
-        with contextlib.suppress(OSError):
-            append_record(state_folder(), report)
-        leave_mark(self.port.identity, report)
+        self._keep(lambda: append_record(state_folder(), report))
+        self._keep(lambda: leave_mark(self.port.identity, report))
         return Finished(report, sender.state, sender.last_cause, code, sentence)
 
     def _verdict(self) -> tuple[int, str]:

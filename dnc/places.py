@@ -1,4 +1,4 @@
-"""Where the state of the sending side lives: journal, records, spool, sockets."""
+"""Where the state of the sending side lives: journal, records, spool, sockets; and how a file gets there whole."""
 
 from __future__ import annotations
 
@@ -30,3 +30,17 @@ def system_config_folder() -> Path:
 def user_machines() -> Path:
     """Where the user's own machine profiles lie; one of the same name as a shipped one goes before it."""
     return config_folder() / "machines"
+
+
+def write_whole(path: Path, text: str, *, to_disk: bool = False) -> None:
+    """A file that is there whole or not at all; with `to_disk` it outlives a power cut from here on."""
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with unfinished.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            if to_disk:
+                os.fsync(file.fileno())
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)

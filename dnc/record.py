@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -115,24 +116,34 @@ def alarm_values(alarm: Alarm) -> dict[str, str]:
     return {"id": alarm.id, "severity": alarm.severity.value, "text": alarm.text, "remedy": alarm.remedy}
 
 
-def write_whole(path: Path, text: str) -> None:
-    """A file that is there whole or not at all."""
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        unfinished.write_text(text, encoding="utf-8")
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
-
-
 def append_record(folder: Path, record: dict[str, Any]) -> None:
-    """Add one job to `records.jsonl`; each line carries the hash of the line before, so that gaps show."""
+    """Add one job to `records.jsonl`; each line carries the hash of the line before, so that gaps show.
+
+    A line torn by a power cut or a full disk is taken away, here or by the next job. Raises OSError.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "records.jsonl"
     previous = last_line(path)
     chained = {**record, "previous": hashlib.sha256(previous).hexdigest() if previous else ""}
-    with path.open("ab") as file:
-        file.write(json.dumps(chained).encode() + b"\n")
+    with path.open("ab", buffering=0) as file:
+        whole_bytes = _whole_bytes(path)
+        file.truncate(whole_bytes)
+        line = json.dumps(chained).encode() + b"\n"
+        try:
+            if file.write(line) < len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError:
+            file.truncate(whole_bytes)
+            raise
+
+
+def _whole_bytes(path: Path) -> int:
+    """Up to where a file consists of whole lines."""
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        begin = max(0, size - (1 << 20))
+        file.seek(begin)
+        return begin + file.read().rfind(b"\n") + 1
 
 
 def last_line(path: Path) -> bytes:

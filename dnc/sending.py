@@ -245,6 +245,9 @@ def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restar
         finished = job.run()
     if job.unheard_events:
         tell(f"warning: {job.unheard_events} events did not reach the hook in time")
+    if job.not_kept:
+        what = f"the job could not be put on record: {job.not_kept}"
+        tell(f"warning: {what}; free space in {state_folder()}, and reset the control before the next job")
     return finished
 
 

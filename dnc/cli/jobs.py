@@ -40,5 +40,8 @@ def command(job: str | None, verify: bool, as_json: bool) -> None:
     for past in jobs:
         values = past.values
         label = "SIMULATED" if values.get("simulated") else ""
-        sent = f"{values.get('bytes_sent', '?')}/{values.get('bytes_total', '?')} bytes"
+        sent = f"{values.get('bytes_sent', '?')}"
+        if values.get("bound_bytes", 0) > values.get("bytes_sent", 0):  # what had left when the process was killed
+            sent += f" to {min(values['bound_bytes'], values.get('bytes_total', values['bound_bytes']))}"
+        sent += f"/{values.get('bytes_total', '?')} bytes"
         click.echo(f"{past.job:30} {label:9} {past.outcome:11} {sent}  {printable(str(values.get('program', '?')))}")

@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import pty
+import re
 import signal
 import socket
 import subprocess
@@ -151,6 +152,22 @@ def test_kill_9_leaves_a_bound(tmp_path: Path) -> None:
     last = read_journal(next((tmp_path / "state/dnc/jobs").glob("*/journal")))[-1]
     assert 700 <= seen["bytes_received"] <= last.bound_bytes  # type: ignore[operator]
     assert last.state.value == "SENDING"
+
+
+def test_after_kill_9_the_next_start_asks_for_a_reset(tmp_path: Path) -> None:
+    """(5.7; fault C10) The control holds a cut block: nothing may leave behind it."""
+    program = program_at(tmp_path, 300)
+    with PeerProcess(quiet_s=0) as peer:
+        with SendProcess(tmp_path, program, peer.pty) as sending:
+            wait_for_state(tmp_path, "SENDING", sent=500)
+            sending.child.kill()
+            sending.child.wait(10)
+        with SendProcess(tmp_path, program, peer.pty) as again:
+            code, words = again.finish()
+    assert (code, "ended INTERRUPTED" in words, "--control-was-reset" in words) == (9, True, True)
+    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
+    listed = subprocess.run([sys.executable, "-m", "dnc", "jobs"], env=environment, capture_output=True, check=True)
+    assert re.search(rb"INTERRUPTED +\d+ to \d+/\d+ bytes", listed.stdout)
 
 
 def test_orders_over_the_socket(tmp_path: Path) -> None:
