@@ -76,6 +76,8 @@ def _in_words(problem: Exception) -> str:
     """What the system said of it, without the library's brackets around."""
     if isinstance(problem, subprocess.CalledProcessError):
         return f"it ended with exit code {problem.returncode}"
+    if isinstance(problem, subprocess.TimeoutExpired):
+        return f"it took longer than {_TIMEOUT_S:g} s"
     is_answer = isinstance(problem, urllib.error.HTTPError)
     reason = problem.reason if isinstance(problem, urllib.error.URLError) and not is_answer else problem
     return (reason.strerror if isinstance(reason, OSError) else None) or str(reason)

@@ -45,7 +45,7 @@ _HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
 @click.option("--control-was-reset", is_flag=True, help="the control was reset after the last job was cut off")
 @click.option("--dry-run", is_flag=True, help="send to a virtual mill started for this job (SIMULATED)")
 @click.option("--speed", type=Number(0.001, 100_000), help="time scale of --dry-run; 1 unless given")
-@click.option("--hook", metavar="COMMAND", help="run at each alarm and change of state, JSON on stdin")
+@click.option("--hook", metavar="COMMAND", help="run at each alarm and change of state but XOFF and XON, JSON on stdin")
 @click.option("--webhook", metavar="URL", help="post the same events there")
 @click.option("--json", "as_json", is_flag=True, help="print the report to stdout")
 def command(**options: Any) -> int:

@@ -178,3 +178,12 @@ def test_an_alarm_is_told_each_time_and_kept_once() -> None:
     log.close()
     assert [alarm.id for alarm in told if isinstance(alarm, Alarm)] == ["DNC-L14P", "DNC-L1", "DNC-L14P", "DNC-L14P"]
     assert [alarm.id for alarm in log.alarms] == ["DNC-L14P", "DNC-L1"]
+
+
+def test_a_command_that_hangs_is_said_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(5.7) It is given up after a time; the library's own sentence had the time with 15 digits."""
+    monkeypatch.setattr("dnc.hooks._TIMEOUT_S", 0.05)
+    said: list[str] = []
+    (hook,) = hooks_of("sleep 60", None, ABOUT, said.append)
+    tell(hook, STARTED, LOST)
+    assert said == ["hook sleep failed: it took longer than 0.05 s; the job goes on"]
