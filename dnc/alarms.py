@@ -46,6 +46,12 @@ MASKED_XOFF = Kind(
     "XOFF came with bit 7 set (0x93): the control sends even parity, the profile does not; it was obeyed",
     "set format to 7E1 or 7E2 as at the control",
 )
+DEAF_DRIVER = Kind(
+    "DNC-L6P",
+    Severity.ALARM,
+    "the control sends XOFF and the driver does not obey it",
+    "set format as at the control (7E1 if XOFF came as 0x93) or use --handshake xonxoff, then dnc send --resume",
+)
 LOOPBACK = Kind(
     "DNC-L12",
     Severity.ALARM,

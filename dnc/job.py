@@ -79,6 +79,7 @@ def rules_of(link: Link) -> Rules:
         xon=link.xon,
         xoff=link.xoff,
         hears_xoff=link.handshake == "xonxoff",
+        is_driver_asked=link.handshake == "driver",
         waits_for_xon=link.start == "wait-xon",
         start_timeout_s=link.start_timeout_s,
         hold_timeout_s=link.hold_timeout_s,

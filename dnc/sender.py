@@ -29,6 +29,7 @@ class Rules:
     xon: int = 0x11
     xoff: int = 0x13
     hears_xoff: bool = True
+    is_driver_asked: bool = False
     waits_for_xon: bool = False
     start_timeout_s: float = 60.0
     hold_timeout_s: float = 0.0
@@ -135,6 +136,9 @@ class Sender:
         if self.is_over:
             return []
         if not self.rules.hears_xoff:
+            # A driver that stops keeps XOFF to itself: one that comes through, with bit 7 or without, was not obeyed.
+            if self.rules.is_driver_asked and {self.rules.xoff, self.rules.xoff ^ 0x80} & set(data):
+                return self._alarmed(Cause.DISTURBED, alarms.DEAF_DRIVER, "", now_s)
             return self._noise(data, now_s)
         events: list[Event] = []
         for heard in self._listener.hear(data):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import pytest
+
 from dnc.events import JobState, Noise
 from tests.helpers.line import XON, alarm_ids, drain, sender_of, tape_of
 
@@ -20,6 +22,15 @@ def test_a_masked_xoff_is_obeyed_counted_and_named_once(tmp_path: Path) -> None:
     sender.hear(XON, 0.2)
     assert alarm_ids(sender.hear(b"\x93", 0.3)) == []
     assert sender.tally.masked_xoff_count == 2
+
+
+@pytest.mark.parametrize("heard", [b"\x93", b"\x13", b"\xfe\x93"])
+def test_an_xoff_that_the_driver_lets_through_pauses(heard: bytes, tmp_path: Path) -> None:
+    """(5.3; fault L6) Where the driver should stop and has not, nothing more leaves before the operator says so."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM), hears_xoff=False, is_driver_asked=True)
+    sender.start(0.0)
+    assert alarm_ids(sender.hear(heard, 0.1)) == ["DNC-L6P"]
+    assert (sender.state, sender.take(100, 9.0)) == (JobState.PAUSED, b"")
 
 
 def test_other_bytes_do_not_start_an_armed_job(tmp_path: Path) -> None:
