@@ -101,7 +101,13 @@ NO_JOURNAL = Kind(
     "DNC-H2",
     Severity.WARNING,
     "the journal cannot be written: after a power cut nobody could say what was sent",
-    "free space in the state folder",
+    "free space in the state folder, or make it writable",
+)
+UNWATCHED = Kind(
+    "DNC-H2P",
+    Severity.WARNING,
+    "no console can see or pause this job: its socket cannot be made",
+    "Ctrl-C aborts it; before the next job make the folder in XDG_RUNTIME_DIR writable",
 )
 SLEPT = Kind(
     "DNC-H5",

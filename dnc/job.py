@@ -113,7 +113,8 @@ class Job:
         """Send the tape; always ends with a report, whatever happened."""
         view = JobView(self.sender, self.port, self.profile, self.names, self.events)
         publisher = Publisher(runtime_folder(), view, self.stream.command)
-        publisher.start()
+        if not publisher.start():
+            self.events.add(alarms.UNWATCHED.at(time.monotonic(), 0))
         self.journal.open()
         self._write_about()
         self._keep(lambda: begin_mark(self.port.identity, self.names.job_id, self.names.program))

@@ -44,7 +44,7 @@ class Publisher:
         self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
         self._listener: socket.socket | None = None
 
-    def start(self) -> None:
+    def start(self) -> bool:
         """Open the socket; a folder that cannot be written means that nobody can watch, not that nothing is sent."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o750)
@@ -56,11 +56,12 @@ class Publisher:
             listener.listen(8)
             unheard.rename(self.path)
         except OSError:
-            return
+            return False
         self._listener = listener
         self._selector.register(listener, selectors.EVENT_READ)
         self._selector.register(self._wake_read, selectors.EVENT_READ)
         self._thread.start()
+        return True
 
     def close(self) -> None:
         """Publish the end and go."""

@@ -170,6 +170,15 @@ def test_after_kill_9_the_next_start_asks_for_a_reset(tmp_path: Path) -> None:
     assert re.search(rb"INTERRUPTED +\d+ to \d+/\d+ bytes", listed.stdout)
 
 
+def test_a_job_that_nobody_can_watch_says_so(tmp_path: Path) -> None:
+    """(5.7) A file stands where the folder of the sockets should be: the job is sent, and the operator warned."""
+    program = program_at(tmp_path, 5)
+    (runtime_of(tmp_path) / "dnc").write_text("")
+    with PeerProcess(quiet_s=0.3) as peer, SendProcess(tmp_path, program, peer.pty, FAST) as sending:
+        code, words = sending.finish()
+    assert (code, "no console can see or pause this job" in words) == (0, True)
+
+
 def test_orders_over_the_socket(tmp_path: Path) -> None:
     """(5.7; faults O6, O8) One watcher holds the lease and pauses; another is refused; leaving changes nothing."""
     program = program_at(tmp_path, 100)
