@@ -13,9 +13,11 @@ from dnc.errors import InputRejected, SettingsRejected
 
 _NAMED = {"NUL": 0x00, "STX": 0x02, "ETX": 0x03, "EOT": 0x04, "DC2": 0x12, "DC4": 0x14, "ESC": 0x1B}
 _NAMED |= {"LF": 0x0A, "CR": 0x0D, "TAB": 0x09, "SOH": 0x01, "ETB": 0x17, "SYN": 0x16}
-_TOKEN = re.compile(r"\\(\\|x[0-9A-Fa-f]{2}|[A-Z]{2,3}\d?)(?:\*(\d{1,5}))?")
+_NAME = "|".join(_NAMED)
+_TOKEN = re.compile(rf"\\(\\|x[0-9A-Fa-f]{{2}}|{_NAME})(?:\*(\d{{1,5}}))?(?P<glued>{_NAME})?")
 _CONTROL_BYTES = {0: "NUL", 4: "EOT", 0x11: "DC1 (XON)", 0x12: "DC2", 0x13: "DC3 (XOFF)", 0x14: "DC4", 0x1B: "ESC"}
 _LAYOUT = b"\t\r\n"
+_LONGEST_END_BYTES = 8
 _ASCII = _LAYOUT + bytes(range(0x20, 0x7F))
 _ISO = _LAYOUT + b" %()*+-./:=#[]ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 _ANY = _LAYOUT + bytes(range(0x20, 0x7F)) + bytes(range(0xA0, 0x100))
@@ -24,40 +26,64 @@ BLOCK_ENDS = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n", "lfcr": b"\n\r", "lfcrc
 _BOMS = {b"\xef\xbb\xbf": "a UTF-8 byte order mark", b"\xff\xfe": "UTF-16 text", b"\xfe\xff": "UTF-16 text"}
 
 
-def escaped_bytes(text: str) -> bytes:
+def framing_bytes(key: str, text: str, data_bits: int) -> bytes:
+    """The bytes of `tape.leader` or `tape.trailer`; raises SettingsRejected for what the line cannot carry."""
+    found = escaped_bytes(key, text)
+    for byte in found:
+        if byte >> data_bits:
+            what = f"tape.{key} {text!r}: 0x{byte:02X} does not fit into {data_bits} data bits"
+            raise SettingsRejected(what, remedy="leave it out or use a format with more data bits")
+    return found
+
+
+def escaped_bytes(key: str, text: str) -> bytes:
     r"""The bytes of a leader, trailer or block end: \NUL*50, \CR, \LF, \DC2, \x1B and plain text.
 
-    >>> escaped_bytes(r"\NUL*3%\CR\LF")
-    b'\x00\x00\x00%\r\n'
+    >>> escaped_bytes("leader", r"\NUL*3%\CR\LFO1234")
+    b'\x00\x00\x00%\r\nO1234'
     """
     out = bytearray()
     at = 0
     while at < len(text):
         if text[at] != "\\":
-            out += text[at].encode("latin-1", "replace")
+            if ord(text[at]) > 0xFF:
+                what = f"tape.{key} {text!r}: no line carries {text[at]!r}"
+                raise SettingsRejected(what, remedy="leave it out")
+            out += text[at].encode("latin-1")
             at += 1
             continue
         found = _TOKEN.match(text, at)
-        code = found and _code(found[1])
-        if found is None or code is None:
+        if found is None:
             known = ", ".join(sorted(_NAMED))
-            raise SettingsRejected(f"{text[at : at + 5]!r} is no known escape", remedy=f"known: \\x1B and {known}")
-        out += bytes([code]) * int(found[2] or 1)
+            what = f"tape.{key} {text!r}: {text[at : at + 5]!r} is no known escape"
+            raise SettingsRejected(what, remedy=f"known: \\x1B and {known}")
+        if found["glued"]:
+            what = f"tape.{key} {text!r}: {found[0]!r} would send the text {found['glued']!r}"
+            raise SettingsRejected(what, remedy=f"write \\{found['glued']}")
+        out += bytes([_code(found[1])]) * int(found[2] or 1)
         at = found.end()
     return bytes(out)
 
 
-def _code(name: str) -> int | None:
+def _code(name: str) -> int:
     if name == "\\":
         return 0x5C
-    return int(name[1:], 16) if name.startswith("x") else _NAMED.get(name)
+    return int(name[1:], 16) if name.startswith("x") else _NAMED[name]
 
 
 def block_end_bytes(name: str) -> bytes | None:
-    """The bytes that end a block: lf, cr, crlf, lfcr, lfcrcr or escapes of one's own; None for as-is."""
+    """The bytes that end a block: lf, cr, crlf, lfcr, lfcrcr or escapes of one's own; None for as-is.
+
+    Raises SettingsRejected for what has neither CR nor LF: its letters would reach the control as words.
+    """
     if name == "as-is":
         return None
-    return BLOCK_ENDS.get(name.lower()) or escaped_bytes(name)
+    found = BLOCK_ENDS.get(name.lower()) or escaped_bytes("end_of_block", name)
+    is_harmless = not {0x11, 0x13} & set(found) and len(found) <= _LONGEST_END_BYTES
+    if not is_harmless or not {0x0A, 0x0D} & set(found):
+        what = f"tape.end_of_block {name!r} ends no block"
+        raise SettingsRejected(what, remedy="write as-is, lf, cr, crlf, lfcr, lfcrcr, or escapes such as \\CR\\LF")
+    return found
 
 
 class CharacterCheck:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from dnc import profile
 from dnc.errors import InputRejected, SettingsRejected
-from dnc.framing import CharacterCheck, block_end_bytes, escaped_bytes
+from dnc.framing import CharacterCheck, block_end_bytes, framing_bytes
 from dnc.tape import Frame, LineIndex, Tape
 
 _CHUNK_BYTES = 1 << 16
@@ -71,14 +71,13 @@ def _spool(size_bytes: int, folder: Path) -> int:
 def _spooled(source: int, spool: int, path: Path, rules: profile.Tape, data_bits: int) -> Tape:
     head = os.pread(source, _CHUNK_BYTES, 0)
     wanted = block_end_bytes(rules.end_of_block)
-    block_end = wanted or _block_end_of(head)
-    leader, trailer = escaped_bytes(rules.leader), escaped_bytes(rules.trailer)
-    lines = LineIndex(b"\n" if b"\n" in block_end else block_end[-1:])
+    ends = _Ends()
+    leader, trailer = (framing_bytes(key, getattr(rules, key), data_bits) for key in ("leader", "trailer"))
+    lines = LineIndex(b"\n" if b"\n" in (wanted or head) or b"\r" not in head else b"\r", len(leader))
     of_tape, of_program = hashlib.sha256(), hashlib.sha256()
     check = CharacterCheck(path, rules.character_set, rules.line_max_bytes, data_bits)
 
     def put(chunk: bytes) -> None:
-        lines.feed(chunk)
         of_tape.update(chunk)
         _write_all(spool, chunk)
 
@@ -90,16 +89,42 @@ def _spooled(source: int, spool: int, path: Path, rules: profile.Tape, data_bits
 
     put(leader)
     for chunk in checked() if wanted is None else _normalised(checked(), wanted):
+        lines.feed(chunk)
+        ends.feed(chunk)
         put(chunk)
+    block_end = wanted or ends.common
+    if trailer and not ends.is_closed and trailer[:1] not in (b"\r", b"\n"):
+        put(block_end)  # the trailer is no part of the last block
     put(trailer)
     frame = Frame(len(leader), len(trailer), block_end)
     return Tape(spool, of_tape.hexdigest(), of_program.hexdigest(), lines, frame)
 
 
-def _block_end_of(head: bytes) -> bytes:
-    """What ends the first block, so that a pause falls on a block end: CR LF, LF or CR."""
-    found = re.search(rb"\r\n|\n|\r", head)
-    return found.group() if found else b"\n"
+class _Ends:
+    """Which block end all blocks of a file share, chunk by chunk: CR LF, LF or CR."""
+
+    def __init__(self) -> None:
+        self._lf = self._cr_lf = self._cr = 0
+        self._last = b""
+
+    def feed(self, chunk: bytes) -> None:
+        """Count the ends of the next bytes."""
+        self._lf += chunk.count(b"\n")
+        self._cr += chunk.count(b"\r")
+        self._cr_lf += chunk.count(b"\r\n") + (self._last == b"\r" and chunk[:1] == b"\n")
+        self._last = chunk[-1:] or self._last
+
+    @property
+    def common(self) -> bytes:
+        """A pause falls behind it, so it must end every block: CR LF only if no LF stands alone."""
+        if self._lf:
+            return b"\r\n" if self._cr_lf == self._lf else b"\n"
+        return b"\r" if self._cr else b"\n"
+
+    @property
+    def is_closed(self) -> bool:
+        """The last block has its end."""
+        return self._last in (b"\r", b"\n")
 
 
 def _normalised(chunks: Iterator[bytes], wanted: bytes) -> Iterator[bytes]:

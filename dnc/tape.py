@@ -40,13 +40,16 @@ class Frame:
 
 
 class LineIndex:
-    """Offsets of every 1024th line start, counted in block-end characters (LF, or CR where there is no LF)."""
+    """Offsets of every 1024th line start, counted in block-end characters (LF, or CR where there is no LF).
 
-    def __init__(self, mark: bytes) -> None:
+    Lines are those of the program's own file: what the leader holds is none.
+    """
+
+    def __init__(self, mark: bytes, leader_bytes: int) -> None:
         self.mark = mark
-        self.starts = array("Q", [0])
+        self.starts = array("Q", [leader_bytes])
         self.count = 0
-        self.written_bytes = 0
+        self.written_bytes = leader_bytes
 
     def feed(self, chunk: bytes) -> None:
         """Count the lines of the next bytes of the tape."""

@@ -42,7 +42,8 @@ def command(
     opened = open_port(port, profile.link)
     report = examine(opened, profile, machine, resume_wait_s, lambda text: click.echo(f"dnc: {text}", err=True))
     label = "SIMULATED: " if report["simulated"] else ""
-    click.echo(f"dnc: {label}{report['verdict']}", err=True)
+    held = "; reset the control, it still holds moves of this test" if report["bytes_sent"] else ""
+    click.echo(f"dnc: {label}{report['verdict']}{held}", err=True)
     if as_json:
         click.echo(json.dumps(report, indent=1))
     return 0 if report["passed"] else 5

@@ -6,6 +6,7 @@ import hashlib
 import os
 import resource
 import signal
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,8 @@ from dnc.errors import InputRejected, SettingsRejected
 from dnc.framing import escaped_bytes
 from dnc.spool import load_tape
 from tests.helpers.line import tape_of
+
+PROGRAM = b"N10 G1 X1\nN20 X2\nN30 M30\n"
 
 
 def whole(tape: object) -> bytes:
@@ -75,9 +78,71 @@ def test_a_character_that_the_format_cannot_carry_is_refused(
     load_tape(tmp_path / "part.mpf", rules, tmp_path, 8).close()
 
 
-def test_unknown_escape_is_refused() -> None:
-    with pytest.raises(SettingsRejected, match="no known escape"):
-        escaped_bytes(r"\FOO")
+@pytest.mark.parametrize(
+    ("rules", "words"),
+    [
+        ({"leader": r"\FOO"}, r"tape.leader .* is no known escape"),
+        ({"leader": r"%\CRLF"}, r"would send the text 'LF'; write \\LF"),
+        ({"trailer": "\u20ac"}, r"tape.trailer .*: no line carries"),
+        ({"trailer": r"\xFF"}, r"tape.trailer .*: 0xFF does not fit into 7 data bits"),
+        ({"end_of_block": "cr-lf"}, r"tape.end_of_block 'cr-lf' ends no block"),
+        ({"end_of_block": "crlf "}, r"ends no block"),
+        ({"end_of_block": ""}, r"ends no block"),
+        ({"end_of_block": r"\LF\x13"}, r"ends no block"),
+    ],
+)
+def test_framing_that_no_control_reads_is_refused(rules: dict[str, str], words: str, tmp_path: Path) -> None:
+    """(5.4) With the key, before a byte leaves; letters were sent as they stood."""
+    (tmp_path / "part.mpf").write_bytes(PROGRAM)
+    with pytest.raises(SettingsRejected, match=words):
+        load_tape(tmp_path / "part.mpf", profile.Tape(**rules), tmp_path, 7)
+
+
+def test_text_follows_an_escape() -> None:
+    """(5.4) The longest known name counts."""
+    assert escaped_bytes("leader", r"%\LFO1234\LF100\NUL*2") == b"%\nO1234\n100\0\0"
+
+
+@pytest.mark.parametrize(
+    ("data", "block_end"),
+    [
+        (b"%\r\nN10\nN20\nM30\n", b"\n"),
+        (b"%\r\nN10\r\nM30\r\n", b"\r\n"),
+        (b"%\rN10\rM30\r", b"\r"),
+        (b"%\nN10\r\nM30", b"\n"),
+        (b"N" * 65535 + b"\r" + b"\nM30\r\n", b"\r\n"),
+    ],
+    ids=["mixed", "CR LF", "CR", "LF first", "torn by a chunk"],
+)
+def test_as_is_a_block_ends_where_every_block_does(data: bytes, block_end: bytes, tmp_path: Path) -> None:
+    """(5.4, 5.7; fault C5) One CR LF at the head of an LF file: a pause had no place before the last byte."""
+    with closing(tape_of(tmp_path, data, line_max_bytes=100_000)) as tape:
+        assert (tape.block_end, tape.peek(0, len(data) + 1)) == (block_end, data)
+
+
+@pytest.mark.parametrize(
+    ("data", "trailer", "wire"),
+    [
+        (b"N10\r\nM30", "%", b"N10\r\nM30\r\n%"),
+        (b"N10\nM30\n", "%", b"N10\nM30\n%"),
+        (b"N10\nM30", r"\LF%", b"N10\nM30\n%"),
+        (b"N10\nM30", "", b"N10\nM30"),
+    ],
+)
+def test_a_trailer_is_no_part_of_the_last_block(data: bytes, trailer: str, wire: bytes, tmp_path: Path) -> None:
+    """(5.4) `M30%` is another word than `M30`."""
+    with closing(tape_of(tmp_path, data, trailer=trailer)) as tape:
+        assert tape.peek(0, 100) == wire
+
+
+def test_lines_are_those_of_the_file(tmp_path: Path) -> None:
+    """(5.7) Whatever the leader holds; the sentence of doubt named a line three further on."""
+    with closing(tape_of(tmp_path, PROGRAM, leader=r"\CR\LF\LF\LF")) as tape:
+        assert tape.lines.line_at(tape, 0) == 1
+        assert tape.lines.line_at(tape, tape.leader_bytes) == 1
+        assert tape.lines.offset_of(tape, 1) == tape.leader_bytes
+        second = tape.leader_bytes + PROGRAM.index(b"\n") + 1
+        assert (tape.lines.line_at(tape, second), tape.lines.offset_of(tape, 2)) == (2, second)
 
 
 @pytest.mark.parametrize(

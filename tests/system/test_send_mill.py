@@ -163,7 +163,7 @@ def offspring(pid: int) -> list[int]:
 @pytest.mark.parametrize(
     ("faults", "exit_code", "verdict"),
     [
-        (("start=repeat-xon", "feed-hold=0.1+4"), 0, "the control stopped us and let us go on"),
+        (("start=repeat-xon", "feed-hold=20b+4"), 0, "the control stopped us and let us go on"),
         (("start=repeat-xon", "silence=20b"), 5, "never sent XOFF; if its feed override was at 0"),
         (("start=immediate",), 5, "the control sent no XON in the time given"),
     ],
@@ -182,6 +182,7 @@ def test_verdicts_on_a_cable(tmp_path: Path, faults: tuple[str, ...], exit_code:
             capture_output=True, check=False, text=True, timeout=120,
         )  # fmt: skip
     assert (ran.returncode, verdict in ran.stderr) == (exit_code, True), ran.stderr
+    assert ("reset the control, it still holds moves" in ran.stderr) == ("no XON" not in verdict)
 
 
 def test_handshake_test_on_the_mill(tmp_path: Path) -> None:

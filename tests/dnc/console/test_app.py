@@ -177,18 +177,18 @@ def test_in_a_real_terminal_and_killed(tmp_path: Path) -> None:
     def run(*words: str) -> str:
         return subprocess.run([*tmux, *words], capture_output=True, text=True, check=True).stdout
 
-    def wait_for(text: str) -> str:
+    def wait_for(*texts: str) -> str:
+        """The pane, once all of it is drawn: it comes in pieces."""
         end_s = time.monotonic() + 30.0
-        while text not in (pane := run("capture-pane", "-p")):
+        while not all(text in (pane := run("capture-pane", "-p")) for text in texts):
             assert time.monotonic() < end_s, pane
             time.sleep(0.1)
         return pane
 
     run("new-session", "-d", "-x", "80", "-y", "24", command)
     try:
-        pane = wait_for("### NO JOB ###")
+        pane = wait_for("### NO JOB ###", "modbus UNAVAILABLE", "\n F1 help")
         assert pane.splitlines()[-1].startswith(" F1 help")
-        assert "modbus UNAVAILABLE" in pane
         run("send-keys", "F1")
         wait_for("No key here is an emergency stop")
         run("resize-window", "-x", "40", "-y", "5")
