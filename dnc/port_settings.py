@@ -7,6 +7,9 @@ import termios
 from dnc.errors import PortUnavailable
 from dnc.profile import Link
 
+_CMSPAR = 0o10000000000  # mark and space parity; the library has no name for it
+_CHARACTERS = {"XON character": termios.VSTART, "XOFF character": termios.VSTOP}
+
 
 def parity_table(form: str) -> bytes:
     """256 bytes: each 7-bit character with the parity bit of this format in bit 7."""
@@ -26,7 +29,10 @@ def set_flow_characters(fd: int, link: Link) -> None:
 
 
 def refused_settings(settings: list[object], link: Link) -> str:
-    """Which part of the format the driver dropped in silence; empty when all was kept."""
+    """Which part of the format or the rate the driver dropped in silence; empty when all was kept.
+
+    A rate that has no constant of its own cannot be read back so.
+    """
     flags = settings[2]
     assert isinstance(flags, int)
     bits, parity, stops = link.format[0], link.format[1], link.format[2:]
@@ -37,12 +43,25 @@ def refused_settings(settings: list[object], link: Link) -> str:
         return f"{bits} data bits"
     if bool(flags & termios.PARENB) != (parity != "N") or bool(flags & termios.PARODD) != (parity in "OM"):
         return f"parity {parity}"
+    if bool(flags & _CMSPAR) != (parity in "MS"):
+        return f"parity {parity}"
     if bool(flags & termios.CSTOPB) != (stops != "1"):
         return f"{stops} stop bits"
+    rate = getattr(termios, f"B{link.baud}", None)
+    if rate is not None and settings[4:6] != [rate, rate]:
+        return f"{link.baud} baud"
     return ""
 
 
 def difference(before: list[object], now: list[object]) -> str:
     """Words for what differs between two readings of the settings."""
     names = ("input flags", "output flags", "format", "local flags", "input baud rate", "baud rate")
-    return ", ".join(name for name, old, new in zip(names, before, now, strict=False) if old != new)
+    changed = [name for name, old, new in zip(names, before, now, strict=False) if old != new]
+    changed += [name for name, at in _CHARACTERS.items() if _character(before, at) != _character(now, at)]
+    return ", ".join(changed)
+
+
+def _character(settings: list[object], at: int) -> object:
+    characters = settings[6]
+    assert isinstance(characters, list)
+    return characters[at]

@@ -144,6 +144,17 @@ def link_with(link: Link, given: Mapping[str, object]) -> Link:
         raise SettingsRejected(
             f"format {changed.format}: 1.5 stop bits exist with 5 data bits only", remedy="use 1 or 2"
         )
+    if changed.software_parity and (changed.format[0] != "7" or changed.format[1] not in "EO"):
+        raise SettingsRejected(
+            f"software_parity cannot make format {changed.format}",
+            remedy="write 7E or 7O, such as 7E1, or leave it out",
+        )
+    if changed.software_parity and changed.handshake == "driver":
+        raise SettingsRejected(
+            "handshake driver cannot work with software_parity: XOFF comes with a parity bit that the driver "
+            "does not know",
+            remedy="use --handshake xonxoff, or an adapter that knows the parity",
+        )
     if changed.start == "wait-xon" and changed.handshake != "xonxoff":
         raise SettingsRejected(
             f"start wait-xon cannot work with handshake {changed.handshake}: nobody reads the XON",
