@@ -19,6 +19,7 @@ _NAMES = (
     re.compile(rb"^%?\s*([O:]\d{1,8})"),
     re.compile(rb"^%\s*([A-Za-z0-9_-]{1,32})"),
 )
+_LAST_BLOCK = re.compile(rb"^%$|M0*(?:2|30|17|99)$|^(?:N\d+\s*)?RET$", re.IGNORECASE)
 _HEAD_BYTES = 400
 
 
@@ -28,13 +29,14 @@ class End(Enum):
     CODE = "a code of the tape"
     PERCENT = "the closing %"
     SILENCE = "silence"
+    CUT = "silence in the middle of a block"
     FULL = "the size limit"
     BREAK = "a break in the middle"
 
     @property
     def is_whole(self) -> bool:
         """Whether the control can have said all it had to say."""
-        return self not in (End.FULL, End.BREAK)
+        return self not in (End.CUT, End.FULL, End.BREAK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,10 @@ class PunchIn:
 
     def tick(self, now_s: float) -> list[Received]:
         """The program that silence has ended, if any."""
-        return self._finished(End.SILENCE) if now_s >= self.next_wake_s else []
+        if now_s < self.next_wake_s:
+            return []
+        last = re.split(rb"[\r\n]", self._data)[-1].strip()
+        return self._finished(End.SILENCE if not last or _LAST_BLOCK.search(last) else End.CUT)
 
     def break_off(self) -> list[Received]:
         """What has come of the program that is under way, if any: nobody listens any longer."""

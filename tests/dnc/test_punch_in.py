@@ -32,10 +32,15 @@ def fed(data: bytes, *, seven: bool = False) -> list[Received]:
         (b"%\nO1\nM30\n%\n%\nO2\nM30\n%\n", [(b"%\nO1\nM30\n%\n", End.PERCENT), (b"%\nO2\nM30\n%\n", End.PERCENT)]),
         (b"%_N_A_MPF\nG0\nM30\n", [(b"%_N_A_MPF\nG0\nM30\n", End.SILENCE)]),
         (b"G0\n\x03\x04", [(b"G0\n", End.CODE)]),
+        (b"%\nO77\nN10 G1 X2\nN2", [(b"%\nO77\nN10 G1 X2\nN2", End.CUT)]),
+        (b"%\nO77\nM30\n%", [(b"%\nO77\nM30\n%", End.SILENCE)]),
+        (b"O77\nG0\nN20 M30", [(b"O77\nG0\nN20 M30", End.SILENCE)]),
+        (b"O77\nG0\nN20 M3", [(b"O77\nG0\nN20 M3", End.CUT)]),
         (b"\x11\x13\x11\0\0", []),
     ],
 )
 def test_where_a_program_ends(data: bytes, programs: list[tuple[bytes, End]]) -> None:
+    """(5.4) One cut in the middle of a block is not whole; a last block may lack its end."""
     assert [(one.data, one.end) for one in fed(data)] == programs
 
 
