@@ -21,6 +21,7 @@ _NAMES = (
 )
 _LAST_BLOCK = re.compile(rb"^%$|M0*(?:2|30|17|99)$|^(?:N\d+\s*)?RET$", re.IGNORECASE)
 _HEAD_BYTES = 400
+_SURE_BYTES = 24
 
 
 class End(Enum):
@@ -30,13 +31,15 @@ class End(Enum):
     PERCENT = "the closing %"
     SILENCE = "silence"
     CUT = "silence in the middle of a block"
+    EVEN = "the control, with even parity in every character; receive it with --format 7E1"
+    ODD = "the control, with odd parity in every character; receive it with --format 7O1"
     FULL = "the size limit"
     BREAK = "a break in the middle"
 
     @property
     def is_whole(self) -> bool:
         """Whether the control can have said all it had to say."""
-        return self not in (End.CUT, End.FULL, End.BREAK)
+        return self not in (End.CUT, End.EVEN, End.ODD, End.FULL, End.BREAK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +100,16 @@ class PunchIn:
     def _finished(self, end: End) -> list[Received]:
         data = bytes(self._data).lstrip(b"\r\n")
         self._data.clear()
+        end = (_with_parity(data) or end) if end.is_whole or end is End.CUT else end
         return [Received(program_name(data), data, end)] if data.strip(b"%\r\n \t") else []
+
+
+def _with_parity(data: bytes) -> End | None:
+    """EVEN or ODD if every character bears that parity in its eighth bit, and there are enough to be sure."""
+    odd = {code.bit_count() & 1 for code in data}
+    if len(data) < _SURE_BYTES or max(data) < 0x80 or len(odd) > 1:
+        return None
+    return End.ODD if odd == {1} else End.EVEN
 
 
 def program_name(data: bytes) -> str:

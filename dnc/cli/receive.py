@@ -79,7 +79,7 @@ def command(
         click.echo(json.dumps(report, indent=1))
     broken = [one for one in stored if not one.is_whole]
     if broken:
-        raise LineFault(f"{broken[0].path} is not whole; punch it out again")
+        raise LineFault(f"{broken[0].path} is not whole, ended by {broken[0].ended_by}; punch it out again")
     if len(stored) < count:
         raise LineFault(f"{len(stored)} of {count} programs came; check the punch-out setting at the control")
     return 0

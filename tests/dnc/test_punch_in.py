@@ -68,6 +68,15 @@ def test_size_limit_and_parity() -> None:
     assert [one.data for one in fed(even, seven=True)] == [b"%\nO9\nM30\n%\n"]
 
 
+@pytest.mark.parametrize(("odd", "end"), [(0, End.EVEN), (1, End.ODD)])
+def test_a_program_with_parity_bits_is_not_whole(odd: int, end: End) -> None:
+    """(5.4; fault A8) A control at 7E1 and a profile of 8N1: the words say what to do, where garbage was stored."""
+    program = b"%_N_A_MPF\nN10 G1 X1 Y2 Z3\nN20 X4 Y5.25\nM30\n"
+    sent = bytes(code | (code.bit_count() & 1 ^ odd) << 7 for code in program)
+    assert [(one.end, one.end.is_whole) for one in fed(sent)] == [(end, False)]
+    assert [one.end for one in fed(program + b"(\xe4)\n")] == [End.SILENCE]
+
+
 @pytest.mark.parametrize(
     ("head", "name"),
     [

@@ -70,7 +70,7 @@ def test_a_program_cut_by_the_operator_is_kept_as_partial(tmp_path: Path) -> Non
         code, words = punch.finish()
     assert code == 5
     assert (tmp_path / "O77.partial").read_bytes() == BEGUN
-    assert words[-1].endswith("O77.partial is not whole; punch it out again")
+    assert words[-1].endswith("O77.partial is not whole, ended by a break in the middle; punch it out again")
 
 
 def test_a_program_cut_by_the_line_is_kept_as_partial(tmp_path: Path) -> None:
