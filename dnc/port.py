@@ -279,6 +279,8 @@ def identity_of(device: Path) -> str:
 
 
 def _device(name: str) -> Path:
+    if not name:
+        raise PortUnavailable("the port's name is empty; see dnc ports")
     path = Path(name)
     try:
         return path.resolve(strict=True)

@@ -81,7 +81,12 @@ def test_a_program_that_locks_without_lock_file_is_named_too(cable: tuple[int, s
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("/dev/no-such-port", "No such file"), ("/dev/null", "not a serial port"), ("/tmp", "Is a directory")],
+    [
+        ("/dev/no-such-port", "No such file"),
+        ("/dev/null", "not a serial port"),
+        ("/tmp", "Is a directory"),
+        ("", "name is empty"),
+    ],
 )
 def test_what_is_no_port(name: str, words: str) -> None:
     """(1.3)"""
