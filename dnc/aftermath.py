@@ -75,11 +75,14 @@ def _write_mark(identity: str, mark: dict[str, Any]) -> None:
 
 
 def _mark(identity: str) -> dict[str, Any] | None:
+    """What stands for this port; a mark that cannot be read is one all the same."""
     try:
         found = json.loads(_mark_path(identity).read_text())
-    except (OSError, ValueError):
+    except FileNotFoundError:
         return None
-    return found if isinstance(found, dict) else None
+    except (OSError, ValueError):
+        found = None
+    return found if isinstance(found, dict) else {"outcome": "in a way that cannot be read any more"}
 
 
 def _mark_path(identity: str) -> Path:

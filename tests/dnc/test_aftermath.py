@@ -81,6 +81,14 @@ def test_a_full_disk_leaves_the_mark_that_stands(state: Path, monkeypatch: pytes
     assert is_refused(is_yes=True)
 
 
+@pytest.mark.parametrize("torn", [b"", b"{", b"[1]", b"\xff"])
+def test_a_mark_that_cannot_be_read_is_one(torn: bytes, state: Path) -> None:
+    """(5.7; fault C10) In doubt the control holds something."""
+    begin_mark(PORT, "1", "a.mpf")
+    next((state / "ports").iterdir()).write_bytes(torn)
+    assert is_refused(is_yes=True)
+
+
 def test_a_torn_line_spoils_no_other(state: Path) -> None:
     """(5.7; fault H2) The next job's line stands by itself, and the chain holds."""
     for job in ("1", "2"):
