@@ -151,6 +151,13 @@ def crossings(surface: OffsetSurface, border: Border, planes_mm: Array) -> tuple
     return passes, found.centre[0], parameters
 
 
+def best_of_each(gap: Indices, height: Array) -> Indices:
+    """The index of the highest entry of each gap."""
+    order = np.lexsort((height, gap))
+    is_last = np.append(gap[order][1:] != gap[order][:-1], True) if len(gap) else np.zeros(0, dtype=bool)
+    return np.asarray(order[is_last], dtype=np.intp)
+
+
 def pass_runs(
     heights: BorderHeights, ends: GapCusps, crossed: tuple[Indices, Array], *, join_mm: float
 ) -> tuple[Indices, Array]:

@@ -17,6 +17,7 @@ from planner.path.border import Border, border_of
 from planner.path.coverage import (
     BorderHeights,
     GapCusps,
+    best_of_each,
     border_cusps,
     border_heights,
     guess_from,
@@ -184,7 +185,7 @@ def _tops(ground: Ground, inner: GapCusps, stretch: Indices, planes_mm: Array, r
     rises = (stretch[1:] == stretch[:-1]) & (cusps.slope[:-1] > 0) & (cusps.slope[1:] < 0)
     left = np.flatnonzero(rises)
     top, place = _hermite_top(*_bracket(cusps, left, left + 1))
-    best = _best_of_each(gap[left], top)
+    best = best_of_each(gap[left], top)
     highest = np.zeros(len(planes_mm))
     highest[gap[left[best]]] = top[best]
     best = np.flatnonzero(top >= 0.9 * highest[gap[left]])
@@ -226,20 +227,13 @@ def _hermite_top(
     return height, x_low + share * run
 
 
-def _best_of_each(gap: Indices, height: Array) -> Indices:
-    """The index of the highest entry of each gap."""
-    order = np.lexsort((height, gap))
-    is_last = np.append(gap[order][1:] != gap[order][:-1], True) if len(gap) else np.zeros(0, dtype=bool)
-    return np.asarray(order[is_last], dtype=np.intp)
-
-
 def _peaks(
     ground: Ground, heights: BorderHeights, planes_mm: Array, ends: GapCusps, tops: GapCusps, missed: int
 ) -> Peaks:
     """The highest cusp of each gap among the ends of its lines and its interior maxima."""
     both = ends.with_more(tops)
     gap, every = both.gap, both.cusps
-    best = _best_of_each(gap, np.where(every.is_found, every.height_mm, -np.inf))
+    best = best_of_each(gap, np.where(every.is_found, every.height_mm, -np.inf))
     best = best[every.is_found[best]]
     height, by_a, by_b, x = (np.zeros(len(planes_mm) - 1) for _ in range(4))
     foot = np.zeros((2, len(planes_mm) - 1))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from planner.path.border import Border
 from planner.path.offset import OffsetSurface
+from planner.path.one_sided import with_one_sided
 from planner.path.peaks import Ground, Peaks, strip_behind, survey, survey_at
 
 Array = NDArray[np.float64]
@@ -48,23 +49,30 @@ def solve_pick_feeds(ground: Ground, scallop_mm: float, *, accuracy_mm: float, s
     planes = _first_chain(ground, scallop_mm)
     peaks, tops = survey(ground, planes, scallop_mm, coarse=4)
     peaks = replace(peaks, missed=0)  # what a wide search loses, the full one may find
-    end, is_full = ChainEnd.RAN_OUT, False
+    end, is_full, is_strict = ChainEnd.RAN_OUT, False, False
     for _ in range(sweeps):
         if peaks.missed:
             end = ChainEnd.LOST
             break
         is_settled = _error(peaks, scallop_mm) <= accuracy_mm
         if is_settled and is_full:
-            end = ChainEnd.SETTLED
-            break
+            # Places that one pass alone reaches come and go while the planes move far: they count at the end.
+            is_strict, peaks = True, with_one_sided(ground, planes, peaks, scallop_mm)
+            is_settled = _error(peaks, scallop_mm) <= accuracy_mm and not peaks.missed
+            if is_settled:
+                end = ChainEnd.SETTLED
+                break
         if not is_settled:
             planes = _newton_chain(planes, peaks, scallop_mm)
         is_full = is_settled
         if is_full:
             tops = tops.with_more(survey(ground, planes, scallop_mm)[1])
         peaks = survey_at(ground, planes, tops)
+        peaks = with_one_sided(ground, planes, peaks, scallop_mm) if is_strict else peaks
     planes = _with_last(ground, planes, scallop_mm, accuracy_mm)
-    peaks = _trimmed(ground, peaks, planes, scallop_mm)
+    peaks = with_one_sided(ground, planes, _trimmed(ground, peaks, planes, scallop_mm), scallop_mm)
+    if end is ChainEnd.SETTLED and float(peaks.height_mm.max(initial=0.0)) > scallop_mm + accuracy_mm:
+        end = ChainEnd.LOST
     if end is ChainEnd.SETTLED and peaks.last_mm > scallop_mm + accuracy_mm:
         end = ChainEnd.OPEN
     return PickFeeds(planes, peaks, end)

@@ -12,6 +12,7 @@ from planner.path.coverage import border_cusps, border_heights, crossings, pass_
 from planner.path.gouge import check_creases, check_radius, check_reach, tool_side
 from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
+from planner.path.one_sided import with_one_sided
 from planner.path.peaks import Ground, Peaks, lay_ground, survey
 from planner.path.pick_feed import ChainEnd, even_planes, local_pick_feed, solve_pick_feeds
 from planner.path.seeds import Seeds, sow
@@ -70,6 +71,7 @@ def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float, readi
         assert wishes.pick_feed_mm is not None
         planes_mm = even_planes(ground, wishes.pick_feed_mm)
         peaks = survey(ground, planes_mm, wishes.pick_feed_mm**2 / (8 * wishes.radius_mm))[0]
+        peaks = with_one_sided(ground, planes_mm, peaks)
     if wishes.rolls_over:
         return _over_the_edge(ground, planes_mm, peaks, wishes, accuracy_mm, reading_mm)
     curves = run_passes(ground, planes_mm, wishes.angle_rad, accuracy_mm=reading_mm)

@@ -12,6 +12,7 @@ import pytest
 from scipy.optimize import fsolve, minimize_scalar
 
 from planner.errors import InputRejected
+from planner.path.coverage import border_heights
 from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
 from planner.path.peaks import survey
@@ -240,3 +241,18 @@ def test_what_lies_beyond_the_border_keeps_no_patch_from_being_planned(
     assert np.ptp(layout.ground.seeds.centres, axis=1).max() < 60.0
     assert layout.peaks.missed == 0
     assert np.allclose(layout.peaks.height_mm[:-1], scallop_mm, atol=1e-7)
+
+
+def test_a_border_that_one_pass_alone_reaches_keeps_the_scallop() -> None:
+    """(4.1) Behind a side this patch folds over and passes end there: 116 um stood where 80 were asked.
+
+    Every point of the border between two passes, by the pass that leaves less; a cusp line ends where both leave the
+    same, so that nothing else of a gap stands higher there.
+    """
+    (patch,) = load_surface(Path(__file__).parents[1] / "data/folds-over-a-side.toml")
+    layout = lay_parallel(patch, Wishes(6.0, np.radians(156.6575912728581), 0.0789, None), accuracy_mm=1e-6)
+    heights = border_heights(layout.ground.surface, layout.ground.border, layout.planes_mm)
+    is_inner = (heights.gap > 0) & (heights.gap < len(layout.planes_mm))
+    least = np.minimum(heights.below, heights.above)[is_inner]
+    assert np.isinf(heights.below[is_inner]).sum() > 10
+    assert least.max() <= 0.0789 + 2e-6
