@@ -163,13 +163,14 @@ def offspring(pid: int) -> list[int]:
 @pytest.mark.parametrize(
     ("faults", "exit_code", "verdict"),
     [
-        (("start=repeat-xon", "feed-hold=20b+4"), 0, "the control stopped us and let us go on"),
+        (("start=repeat-xon", "feed-hold=150b+8"), 0, "the control stopped us and let us go on; reset"),
+        (("start=repeat-xon",), 0, "the control stopped us and let us go on by itself, so its feed override was not"),
         (("start=repeat-xon", "silence=20b"), 5, "never sent XOFF; if its feed override was at 0"),
         (("start=immediate",), 5, "the control sent no XON in the time given"),
     ],
 )
 def test_verdicts_on_a_cable(tmp_path: Path, faults: tuple[str, ...], exit_code: int, verdict: str) -> None:
-    """(5.9) A control that stops us, one that never does, one that was not started."""
+    """(5.9) A control that stops us, one whose override was left up, one that never stops us, one not started."""
     words = {"receive_buffer_bytes": 512, "xoff_free_bytes": 120, "xon_fill_bytes": 200, "lookahead_blocks": 5}
     machine = small_machine(tmp_path, **words)
     text = machine.read_text().replace('start = "immediate"', 'start = "wait-xon"')
