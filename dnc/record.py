@@ -58,7 +58,7 @@ def block_number(text: bytes) -> str | None:
 
 def line_text(tape: Tape, line: int, limit_bytes: int = 200) -> bytes:
     """The bytes of one physical line, without its end."""
-    return tape.peek(tape.lines.offset_of(tape, line), limit_bytes).split(tape.lines.mark, 1)[0].rstrip(b"\r\n")
+    return tape.peek(tape.lines.offset_of(tape, line), limit_bytes).split(tape.lines.mark, 1)[0].strip(b"\r\n")
 
 
 def doubt_words(tape: Tape, doubt: InDoubt | None) -> str:

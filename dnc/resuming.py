@@ -240,7 +240,8 @@ def _nearest(points: Sequence[Point], line: int) -> str:
 def _planned(data: bytes, point: RestartPoint, tape: Tape, doubt: tuple[int, int] | None, *, is_lifted: bool) -> Plan:
     """Header lines of the program, the preamble, the rest; with the program's own block ends."""
     end = tape.block_end
-    head = [line for line in data[: point.offset_bytes].split(end)[:3] if line.startswith((b"%", b";$"))]
+    above = [line for line in data[: point.offset_bytes].splitlines() if line]
+    head = [line for line in above[:3] if line.startswith((b"%", b";$"))]
     before = [*head, *(block.encode("ascii") for block in point.preamble)]
     body = b"".join(line + end for line in before) + data[point.offset_bytes :]
     return Plan(point, body, len(before), tape.program_sha256, doubt, is_lifted)

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from dnc import profile
+from dnc.block_ends import Ends, normalised
 from dnc.errors import InputRejected, SettingsRejected
 from dnc.framing import CharacterCheck, block_end_bytes, framing_bytes
 from dnc.tape import Frame, LineIndex, Tape
 
 _CHUNK_BYTES = 1 << 16
 _MEMORY_BYTES = 8 << 20
-_ANY_BLOCK_END = re.compile(rb"\r\n|\n\r\r|\n\r(?!\n)|\n|\r")
 
 
 def load_tape(path: Path, rules: profile.Tape, spool_folder: Path, data_bits: int = 8) -> Tape:
@@ -71,9 +70,9 @@ def _spool(size_bytes: int, folder: Path) -> int:
 def _spooled(source: int, spool: int, path: Path, rules: profile.Tape, data_bits: int) -> Tape:
     head = os.pread(source, _CHUNK_BYTES, 0)
     wanted = block_end_bytes(rules.end_of_block)
-    ends = _Ends()
+    ends = Ends(wanted)
     leader, trailer = (framing_bytes(key, getattr(rules, key), data_bits) for key in ("leader", "trailer"))
-    lines = LineIndex(b"\n" if b"\n" in (wanted or head) or b"\r" not in head else b"\r", len(leader))
+    lines = LineIndex(wanted or (b"\n" if b"\n" in head or b"\r" not in head else b"\r"), len(leader))
     of_tape, of_program = hashlib.sha256(), hashlib.sha256()
     check = CharacterCheck(path, rules.character_set, rules.line_max_bytes, data_bits)
 
@@ -88,55 +87,15 @@ def _spooled(source: int, spool: int, path: Path, rules: profile.Tape, data_bits
             yield chunk
 
     put(leader)
-    for chunk in checked() if wanted is None else _normalised(checked(), wanted):
+    for chunk in checked() if wanted is None else normalised(checked(), wanted):
         lines.feed(chunk)
         ends.feed(chunk)
         put(chunk)
-    block_end = wanted or ends.common
-    if trailer and not ends.is_closed and trailer[:1] not in (b"\r", b"\n"):
-        put(block_end)  # the trailer is no part of the last block
+    if trailer and not ends.is_closed and not trailer.startswith(ends.common):
+        put(ends.common)  # the trailer is no part of the last block
     put(trailer)
-    frame = Frame(len(leader), len(trailer), block_end)
+    frame = Frame(len(leader), len(trailer), ends.common)
     return Tape(spool, of_tape.hexdigest(), of_program.hexdigest(), lines, frame)
-
-
-class _Ends:
-    """Which block end all blocks of a file share, chunk by chunk: CR LF, LF or CR."""
-
-    def __init__(self) -> None:
-        self._lf = self._cr_lf = self._cr = 0
-        self._last = b""
-
-    def feed(self, chunk: bytes) -> None:
-        """Count the ends of the next bytes."""
-        self._lf += chunk.count(b"\n")
-        self._cr += chunk.count(b"\r")
-        self._cr_lf += chunk.count(b"\r\n") + (self._last == b"\r" and chunk[:1] == b"\n")
-        self._last = chunk[-1:] or self._last
-
-    @property
-    def common(self) -> bytes:
-        """A pause falls behind it, so it must end every block: CR LF only if no LF stands alone."""
-        if self._lf:
-            return b"\r\n" if self._cr_lf == self._lf else b"\n"
-        return b"\r" if self._cr else b"\n"
-
-    @property
-    def is_closed(self) -> bool:
-        """The last block has its end."""
-        return self._last in (b"\r", b"\n")
-
-
-def _normalised(chunks: Iterator[bytes], wanted: bytes) -> Iterator[bytes]:
-    """The same blocks with the wanted block end; a run of end characters is never torn by a chunk's border."""
-    kept = b""
-    for chunk in chunks:
-        data = kept + chunk
-        body = data.rstrip(b"\r\n")
-        kept = data[len(body) :]
-        yield _ANY_BLOCK_END.sub(lambda _found: wanted, body)
-    if kept:
-        yield _ANY_BLOCK_END.sub(lambda _found: wanted, kept)
 
 
 def _write_all(target: int, data: bytes) -> None:

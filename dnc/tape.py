@@ -40,7 +40,7 @@ class Frame:
 
 
 class LineIndex:
-    """Offsets of every 1024th line start, counted in block-end characters (LF, or CR where there is no LF).
+    """Offsets of every 1024th line start; `mark` is what ends a line: all of a block end that was put, else LF or CR.
 
     Lines are those of the program's own file: what the leader holds is none.
     """
@@ -52,7 +52,7 @@ class LineIndex:
         self.written_bytes = leader_bytes
 
     def feed(self, chunk: bytes) -> None:
-        """Count the lines of the next bytes of the tape."""
+        """Count the lines of the next bytes of the tape; a mark is never torn between two chunks."""
         found = chunk.count(self.mark)
         if (self.count + found) // _LINES_PER_MARK > self.count // _LINES_PER_MARK:
             self._mark_starts(chunk)
@@ -60,11 +60,12 @@ class LineIndex:
         self.written_bytes += len(chunk)
 
     def _mark_starts(self, chunk: bytes) -> None:
-        at, number = -1, self.count
-        while (at := chunk.find(self.mark, at + 1)) >= 0:
+        after, number = 0, self.count
+        while (at := chunk.find(self.mark, after)) >= 0:
             number += 1
+            after = at + len(self.mark)
             if number % _LINES_PER_MARK == 0:
-                self.starts.append(self.written_bytes + at + 1)
+                self.starts.append(self.written_bytes + after)
 
     def line_at(self, tape: Tape, offset: int) -> int:
         """The physical line, from 1, that holds this byte of the tape."""
@@ -72,10 +73,10 @@ class LineIndex:
         line, at = near * _LINES_PER_MARK + 1, self.starts[near]
         while at < offset:
             chunk = tape.peek(at, min(_CHUNK_BYTES, offset - at))
-            if not chunk:
-                break
             line += chunk.count(self.mark)
-            at += len(chunk)
+            if not chunk or at + len(chunk) >= offset:
+                break
+            at += len(chunk) - self._torn_bytes(chunk)
         return line
 
     def offset_of(self, tape: Tape, line: int) -> int:
@@ -84,13 +85,18 @@ class LineIndex:
         number, at = near * _LINES_PER_MARK + 1, self.starts[near]
         while number < line:
             chunk = tape.peek(at, _CHUNK_BYTES)
-            if not chunk:
+            if at + len(chunk) >= tape.size_bytes and number + chunk.count(self.mark) < line:
                 return tape.size_bytes
-            found = -1
-            while number < line and (found := chunk.find(self.mark, found + 1)) >= 0:
+            after = 0
+            while number < line and (found := chunk.find(self.mark, after)) >= 0:
                 number += 1
-            at += found + 1 if number == line else len(chunk)
+                after = found + len(self.mark)
+            at += after if number == line else len(chunk) - self._torn_bytes(chunk)
         return at
+
+    def _torn_bytes(self, chunk: bytes) -> int:
+        """How many bytes at the end of a chunk are to be read again, because a mark may begin there."""
+        return min(len(chunk.split(self.mark)[-1]), len(self.mark) - 1)
 
 
 class Tape:
@@ -150,7 +156,7 @@ def _tape_end(tape: Tape, frame: Frame) -> TapeEnd:
     start = max(0, size - frame.trailer_bytes - _END_WINDOW_BYTES)
     window = tape.peek(start, size - start)
     body = window[: len(window) - frame.trailer_bytes] if frame.trailer_bytes else window
-    last = len(body.rstrip(b"%\0 \t\r\n"))
+    last = len(body.rstrip(b"%\0 \t\r\n" + frame.block_end))
     block_end = body.find(frame.block_end, last)
     if last == 0 or block_end < 0:
         return TapeEnd(size, size, size)

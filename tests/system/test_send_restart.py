@@ -14,6 +14,7 @@ from tests.helpers.line import PeerProcess, SendProcess
 from tests.helpers.sending import wait_for_state
 
 pytestmark = pytest.mark.system
+MACHINES = Path(__file__).parents[2] / "configs/machines"
 THESIS = Path(__file__).parents[2] / "configs/jobs/thesis.toml"
 HEAD = ["%_N_PART_MPF", ";CONTROL=sinumerik-840d REFERENCE=tip", "G17 G40 G64 G71 G90 G94", "G54", "T2 M6", "D1"]
 HEAD += ["G0 Z50", "S1000 M3", "G4 F2", "M8"]
@@ -71,6 +72,25 @@ def test_start_at_a_pass(tmp_path: Path) -> None:
     restart = sending.report()["restart"]
     assert isinstance(restart, dict)
     assert (restart["block"], restart["program_sha256"]) == (15, hashlib.sha256(whole).hexdigest())
+
+
+def test_blocks_that_were_cut_are_not_sent_again_where_the_control_wants_cr_lf(tmp_path: Path) -> None:
+    """(5.4, 6.8) Of a file with LF all that lies before the point was taken for its first line, and sent again."""
+    program, record, machine = planned(tmp_path), tmp_path / "heard", tmp_path / "crlf.toml"
+    machine.write_text((MACHINES / "sinumerik-840d.toml").read_text().replace('"as-is"', '"crlf"'))
+    options = ("--machine", str(machine), "--baud=115200", "--start-at", "N15", "--yes")
+    with (
+        PeerProcess(baud=115200, quiet_s=0, record=record) as peer,
+        SendProcess(tmp_path, program, peer.pty, *options) as sending,
+    ):
+        code, words = sending.finish()
+        assert code == 0, words
+        peer.stop()
+    heard, whole = record.read_bytes(), program.read_bytes()
+    rest = whole[whole.index(b"N15 ") :].replace(b"\n", b"\r\n")
+    assert heard.startswith(b"%_N_PART_MPF\r\n")
+    assert heard.endswith(rest)
+    assert b"N1 " not in heard[: -len(rest)]
 
 
 def test_a_restart_is_asked_for(tmp_path: Path) -> None:
