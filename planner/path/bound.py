@@ -91,6 +91,8 @@ def _bounds(curves: Sequence[ExactCurve], splines: Sequence[PlaneSpline], source
         # Only an interval that could be the worst of its row is worth another node.
         so_far = np.maximum(highest, total)[left.rows]
         is_loose = (peak + rest > CLOSE_ENOUGH * so_far) & (rest > 1e-10) & (turn < ROUNDS)
+        # What parts do not bound either, smaller parts hardly ever do, and there would be very many of them.
+        is_loose &= np.isfinite(rest) | (turn <= 1)
         np.maximum.at(total, left.rows[~is_loose], (peak + rest)[~is_loose])
         if not is_loose.any():
             break

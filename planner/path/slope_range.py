@@ -68,7 +68,9 @@ def _table_for(curves: Sequence[TracedCurve]) -> SlopeTable:
     while True:
         table = slope_table(curves[0].surface, finer, reach)
         low, high = PatchSlopes(curves, table).enclose(rows, left, right)
-        if np.isfinite(high - low).all() or 4 * table.cells > MOST_CELLS:
+        # One refinement is worth more cells: a long patch has many of them at the coarsest.
+        most_cells = MOST_CELLS if finer > 1 else 4 * MOST_CELLS
+        if np.isfinite(high - low).all() or 4 * table.cells > most_cells:
             return table
         finer *= 2
 

@@ -6,7 +6,7 @@ there, and the same for its parameters' speeds u' and v'.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import comb
@@ -20,6 +20,7 @@ from planner.path.plane_spline import Index
 from planner.surface.bspline import SpanBasis
 
 FEW_CELLS, MOST_CELLS = 4000, 100_000
+CELLS_AT_ONCE = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +96,13 @@ def slope_table(surface: OffsetSurface, finer: int = 1, reach: tuple[Array, Arra
         points = np.concatenate([points * patch.weights[..., None], patch.weights[..., None]], axis=2)
     half = np.einsum("cia,cad->cid", in_u.weights, points[reach_u].reshape(*reach_u.shape, -1))
     half = half.reshape(len(reach_u), patch.degree_u + 1, *points.shape[1:])
-    nets = np.einsum("ejb,ciebd->ijdce", in_v.weights, half[:, :, reach_v]).copy()
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        slope, speeds = _bend_rates(surface, nets, in_u.widths[:, None], in_v.widths[None, :])
-    return SlopeTable(in_u.edges, in_v.edges, _widened(slope), _widened(speeds))
+    strips = []
+    for strip in np.array_split(np.arange(len(half)), -(-len(half) * len(reach_v) // CELLS_AT_ONCE)):
+        nets = np.einsum("ejb,ciebd->ijdce", in_v.weights, half[strip][:, :, reach_v]).copy()
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            strips.append(_bend_rates(surface, nets, in_u.widths[strip, None], in_v.widths[None, :]))
+    slope, speeds = (_widened(_joined(parts)) for parts in zip(*strips, strict=True))
+    return SlopeTable(in_u.edges, in_v.edges, slope, speeds)
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,6 +210,11 @@ def _bend_rates(surface: OffsetSurface, nets: Array, u_width: Array, v_width: Ar
     slope = (dot(normal, q_ppp) + dot(normal_s, q_pp).times(3.0)) * spread
     slope = slope + (bend * normal.part(1) * normal_s.part(1)).times(3.0) * spread.square()
     return slope, stack([u, v])
+
+
+def _joined(strips: Sequence[Range]) -> Range:
+    """Ranges of strips of cells that lie side by side along u."""
+    return Range(*(np.concatenate(ends, axis=-2) for ends in zip(*map(_ends, strips), strict=True)))
 
 
 def _ends(values: Range) -> tuple[Array, Array]:
