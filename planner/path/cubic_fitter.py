@@ -17,6 +17,7 @@ from planner.path.spans import folds_mm
 
 MOST_FRESH = 6
 HASTE = 5
+LOST = 0.02  # of the mean length of a span
 
 
 class CubicFitter:
@@ -36,9 +37,13 @@ class CubicFitter:
         joints = self._table.places([row], spans + 1)[0] / self._table.lengths_mm[row]
         return Start(joints, _places(joints))
 
-    def opened(self, candidate: Candidate) -> Start:
-        """The candidate's parametrisation with one more knot, in the middle of the span where it is worst."""
-        joints = halved_where_worst(candidate)
+    def is_lost(self, row: int, candidate: Candidate) -> bool:
+        """Whether it is off by a good part of its spans' length: it misses whole waves or turns back."""
+        return candidate.error_mm * candidate.spans > LOST * float(self._table.lengths_mm[row])
+
+    def opened(self, candidate: Candidate, more: int = 1) -> Start:
+        """The candidate's parametrisation with more knots, each in the middle of the span that is worst then."""
+        joints = halved_where_worst(candidate, more)
         before = _places(candidate.start.joints).T.ravel()
         feet = np.interp(_places(joints).T.ravel(), before, candidate.start.feet.T.ravel())
         return Start(joints, feet.reshape(-1, PLACES).T)

@@ -42,9 +42,14 @@ class HeightFitter:
             shares = [_spread(one, error) for one, error in zip(shares, errors_mm, strict=True)]
         return {row: Start(one, _NO_FEET) for row, one in zip(asked, shares, strict=True)}
 
-    def opened(self, candidate: Candidate) -> Start:
-        """The candidate with one more joint, in the middle of the span where it is worst."""
-        return Start(halved_where_worst(candidate), _NO_FEET)
+    def is_lost(self, row: int, candidate: Candidate) -> bool:
+        """Never: heights cannot fold."""
+        del row, candidate
+        return False
+
+    def opened(self, candidate: Candidate, more: int = 1) -> Start:
+        """The candidate with so many more joints, each in the middle of the span that is worst then."""
+        return Start(halved_where_worst(candidate, more), _NO_FEET)
 
     def fit(self, rows: Index, starts: list[Start], powers: Array, targets_mm: Array) -> list[Candidate]:
         """Gauss-Newton from these starts."""

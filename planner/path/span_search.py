@@ -19,7 +19,10 @@ from planner.path.plane_spline import Index
 
 SEEDS = 10
 SPANS_AT_ONCE = 2000
+SPANS_A_STEP = 24  # for one more in each step of the search
 EXTRA_KNOTS = 4
+ASTRAY = 4.0  # times the error of a spline with fewer spans
+HALVED = 1 / 16  # of a span's error that each half has left
 NARROWEST_SHARE = 1e-7  # of the curve
 FROM_SCRATCH = np.concatenate([np.full(10, 2.0), np.linspace(2.0, 10.0, 20)])
 FROM_NEIGHBOUR = np.array([2.0, 2.0, 3.0, 4.0, 6.0, 8.0, 8.0, 8.0])
@@ -82,8 +85,11 @@ class Fitter(Protocol):
     def most_fresh(self) -> int:
         """Up to how many spans a fresh start finds what can be found; beyond it, one grown from fewer spans does."""
 
-    def opened(self, candidate: Candidate) -> Start:
-        """The candidate with one more joint, in the middle of the span where it is worst."""
+    def is_lost(self, row: int, candidate: Candidate) -> bool:
+        """Whether the candidate is so far off that it is no start for more spans."""
+
+    def opened(self, candidate: Candidate, more: int = 1) -> Start:
+        """The candidate with so many more joints, each in the middle of the span that is worst then."""
 
     def fit(self, rows: Index, starts: list[Start], powers: Array, targets_mm: Array) -> list[Candidate]:
         """Iterate from these starts, until the targets (p,) are reached."""
@@ -111,28 +117,31 @@ class SpanSearch:
         self._share()
 
     def from_scratch(self, asked: dict[int, int]) -> None:
-        """Rising numbers of spans from those asked, until the tolerance is kept, and then fewer that were skipped.
+        """Rising numbers of spans from those asked, until the tolerance is kept, and then numbers that were skipped.
 
-        Small numbers from starts that know nothing but the curve; larger ones grow from the best with one span less.
+        Small numbers start from the curve alone; larger ones grow from the best that had too few, so that one
+        iteration gone astray does not lead the next.
         """
         tried = {row: spans - 1 for row, spans in asked.items()}
+        best: dict[int, Candidate] = {}
         trial = self._fitter.fresh(asked)
         while trial:
-            fresh: dict[int, int] = {}
-            trial, got = {}, self._fit(trial, FROM_SCRATCH)
-            for row, candidate in got.items():
-                if self._accept(row, candidate):
-                    if tried[row] < candidate.spans - 1:
-                        fresh[row] = candidate.spans - 1
-                    continue
-                tried[row] = candidate.spans
-                if self._is_at_end(candidate):
-                    self.found[row], self.ends[row] = candidate, SearchEnd.TOO_MANY_SPANS
-                elif candidate.spans < self._fitter.most_fresh:
-                    fresh[row] = self._more(row, candidate)
-                else:
-                    trial[row] = self._fitter.opened(candidate)
-            trial |= self._fitter.fresh(fresh)
+            wanted: dict[int, int] = {}
+            for row, candidate in self._fit(trial, FROM_SCRATCH).items():
+                if not self._keeps_aim(row, candidate):
+                    tried[row] = candidate.spans
+                    if row not in best or candidate.error_mm < ASTRAY * best[row].error_mm:
+                        best[row] = candidate
+                if not self._accept(row, candidate):
+                    if self._is_at_end(candidate):
+                        self.found[row], self.ends[row] = candidate, SearchEnd.TOO_MANY_SPANS
+                    else:
+                        wanted[row] = self._more(row, candidate)
+                elif tried[row] < self.found[row].spans - 1:
+                    wanted[row] = (tried[row] + self.found[row].spans) // 2
+            grown = [row for row in wanted if row in best and not self._is_fresh(row, best[row], wanted[row])]
+            trial = self._fitter.fresh({row: spans for row, spans in wanted.items() if row not in grown})
+            trial |= {row: self._fitter.opened(best[row], wanted[row] - best[row].spans) for row in grown}
 
     def tighten(self, shares: dict[int, float]) -> None:
         """Search these curves again for a smaller error at the nodes, with the same spans or with more."""
@@ -144,9 +153,18 @@ class SpanSearch:
 
     def _more(self, row: int, candidate: Candidate) -> int:
         """The next number of spans: most of the way to the sixth-order guess, so as not to miss the fewest."""
-        guess = candidate.spans * (candidate.error_mm / self._aims_mm[row]) ** (1 / 6)
-        most = min(4 * candidate.spans, self._fitter.most_fresh, self._most_spans)
-        return int(min(max(candidate.spans + 1, candidate.spans + 0.7 * (guess - candidate.spans)), most))
+        spans = candidate.spans
+        least = spans + max(1, spans // SPANS_A_STEP)
+        if spans >= self._fitter.most_fresh:
+            lost = spans + spans // 4
+            return min(lost if self._fitter.is_lost(row, candidate) else least, self._most_spans)
+        guess = spans * (candidate.error_mm / self._aims_mm[row]) ** (1 / 6)
+        most = min(4 * spans, self._fitter.most_fresh, self._most_spans)
+        return int(min(max(least, spans + 0.7 * (guess - spans)), most))
+
+    def _is_fresh(self, row: int, best: Candidate, spans: int) -> bool:
+        """Whether so many spans are to start from the curve alone."""
+        return spans <= self._fitter.most_fresh or self._fitter.is_lost(row, best)
 
     def _follow(self, rows: Sequence[int]) -> None:
         """Start each curve from its fitted neighbours; where that fails, add knots."""
@@ -178,9 +196,12 @@ class SpanSearch:
         return candidate.spans >= self._most_spans or bool(np.diff(candidate.start.joints).min() < NARROWEST_SHARE)
 
     def _accept(self, row: int, candidate: Candidate) -> bool:
-        if candidate.error_mm <= self._aims_mm[row]:
+        if self._keeps_aim(row, candidate):
             self._keep(row, candidate)
         return row in self.found
+
+    def _keeps_aim(self, row: int, candidate: Candidate) -> bool:
+        return candidate.error_mm <= float(self._aims_mm[row])
 
     def _keep(self, row: int, candidate: Candidate) -> None:
         if row not in self.found or candidate.spans < self.found[row].spans:
@@ -209,7 +230,12 @@ class SpanSearch:
         return done
 
 
-def halved_where_worst(candidate: Candidate) -> Array:
-    """The joints with one more in the middle of the worst span."""
-    joints, at = candidate.start.joints, int(candidate.errors_mm.argmax())
-    return np.insert(joints, at + 1, 0.5 * (joints[at] + joints[at + 1]))
+def halved_where_worst(candidate: Candidate, more: int) -> Array:
+    """The joints with so many more, each in the middle of the span that is worst then."""
+    joints, errors_mm = candidate.start.joints, candidate.errors_mm
+    for _ in range(more):
+        at = int(errors_mm.argmax())
+        joints = np.insert(joints, at + 1, 0.5 * (joints[at] + joints[at + 1]))
+        errors_mm = np.insert(errors_mm, at, errors_mm[at])
+        errors_mm[at : at + 2] *= HALVED
+    return joints

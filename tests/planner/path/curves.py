@@ -96,9 +96,9 @@ def sine(amplitude: float, scale_mm: float) -> Callable[[Array, int], Array]:
     return lambda w, k: amplitude * np.sin(w / scale_mm + k * np.pi / 2) / scale_mm**k
 
 
-def wave_pass(amplitude: float = 5.0, pitch_mm: float = 0.5) -> AnalyticCurve:
-    """A 300 mm pass over z = amplitude sin(x / 20), ball R 4."""
-    return offset_graph(sine(amplitude, 20.0), 4.0, 0.0, 300.0, pitch_mm)
+def wave_pass(amplitude: float = 5.0, pitch_mm: float = 0.5, length_mm: float = 300.0) -> AnalyticCurve:
+    """A pass over z = amplitude sin(x / 20), ball R 4."""
+    return offset_graph(sine(amplitude, 20.0), 4.0, 0.0, length_mm, pitch_mm)
 
 
 def arc(radius_mm: float, start_rad: float, end_rad: float, pitch_mm: float = 0.5) -> AnalyticCurve:

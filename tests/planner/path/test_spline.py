@@ -48,6 +48,12 @@ def test_wave_needs_few_control_points() -> None:
     assert fitted.spans + 3 <= 22
 
 
+def test_a_long_pass_needs_as_many_for_its_length() -> None:
+    """(4.4, 4.5) A cubic with few spans misses whole waves; grown from one, 1200 mm found no spline at all."""
+    (fitted,) = fit_passes([wave_pass(length_mm=1200.0)], 0.001)
+    assert fitted.spans <= 4 * 22
+
+
 def test_no_spline_turns_back_along_its_pass() -> None:
     """(4.3, 4.4) Two of these passes lay within 7.5 um of cubics that ran backwards by 0.17 and 0.3 mm."""
     job = Path(__file__).parents[1] / "data" / "turning-back-job.toml"
@@ -69,8 +75,11 @@ class _Stubborn:
     def fresh(self, asked: dict[int, int]) -> dict[int, Start]:
         return {row: Start(np.linspace(0.0, 1.0, spans + 1), np.zeros((1, spans))) for row, spans in asked.items()}
 
-    def opened(self, candidate: Candidate) -> Start:
-        joints = halved_where_worst(candidate)
+    def is_lost(self, row: int, candidate: Candidate) -> bool:
+        return False
+
+    def opened(self, candidate: Candidate, more: int = 1) -> Start:
+        joints = halved_where_worst(candidate, more)
         return Start(joints, np.zeros((1, len(joints) - 1)))
 
     def fit(self, rows: np.ndarray, starts: list[Start], powers: np.ndarray, targets_mm: np.ndarray) -> list[Candidate]:
@@ -84,3 +93,32 @@ def test_a_span_that_halving_does_not_mend_ends_the_search() -> None:
     search.from_scratch({0: 1})
     assert search.ends[0] is SearchEnd.TOO_MANY_SPANS
     assert 20 < search.found[0].spans < 40
+
+
+class _Hard(_Stubborn):
+    """A fitter that is content with one number of spans and counts what it is asked."""
+
+    def __init__(self, needed: int, most_fresh: int) -> None:
+        self.needed, self.most_fresh, self.asked = needed, most_fresh, 0
+
+    def opened(self, candidate: Candidate, more: int = 1) -> Start:
+        return self.fresh({0: candidate.spans + more})[0]
+
+    def fit(self, rows: np.ndarray, starts: list[Start], powers: np.ndarray, targets_mm: np.ndarray) -> list[Candidate]:
+        self.asked += len(starts)
+        spline = PlaneSpline(1, np.array([0.0, 0.0, 1.0, 1.0]), np.zeros((2, 2)))
+        errors = [0.001 * (self.needed / start.spans) ** 6 for start in starts]
+        return [
+            Candidate(start, spline, np.full(start.spans, error)) for start, error in zip(starts, errors, strict=True)
+        ]
+
+
+@pytest.mark.parametrize("most_fresh", [6, 4000])
+@pytest.mark.parametrize("needed", [1, 7, 60, 800])
+def test_many_spans_take_few_trials(needed: int, most_fresh: int) -> None:
+    """(4.5) Each trial costs as much as it has spans, so as many trials as spans made long passes dear."""
+    fitter = _Hard(needed, most_fresh)
+    search = SpanSearch(fitter, 0.001, 4000)
+    search.from_scratch({0: 1})
+    assert (search.found[0].spans, search.ends[0]) == (needed, SearchEnd.FITTED)
+    assert fitter.asked <= 10 + 40 * np.log10(needed)
