@@ -12,6 +12,7 @@ import numpy as np
 
 from planner.path.curve import CurveTable, ExactCurve
 from planner.path.model import ArcChain, Array
+from planner.path.plane_spline import Index
 
 SECTIONS_AN_ARC = 14
 MARGIN = 0.96
@@ -75,14 +76,7 @@ def _advance(tube: Tube, reaches: list[Reach]) -> list[Reach]:
     """One more arc from each reach: the furthest for each level, or the end of the curve alone once it is reached."""
     last = len(tube.points) - 1
     best: dict[float, Reach] = {}
-    for start in reaches:
-        window = 2 * SECTIONS_AN_ARC
-        while True:
-            stop = min(start.section + window, last)
-            ends, bends = _furthest(tube, start, stop)
-            if stop == last or max(ends) < stop:
-                break
-            window *= 2
+    for start, ends, bends in _furthest_of(tube, reaches):
         for level, end, bend in zip(LEVELS, ends, bends, strict=True):
             if end > start.section and (level not in best or end > best[level].section):
                 best[level] = Reach(end, level, bend, start)
@@ -93,38 +87,53 @@ def _advance(tube: Tube, reaches: list[Reach]) -> list[Reach]:
     return [reach for reach in best.values() if reach.section < last] or [best[0.0]]
 
 
-def _furthest(tube: Tube, start: Reach, stop: int) -> tuple[list[int], list[float]]:
-    """For each level the furthest section up to `stop` that one arc reaches, and the arc's curvature."""
-    origin = tube.at(start.section, start.level)
-    sections = np.arange(start.section + 1, stop + 1)
-    lower = tube.points[sections] - tube.width_mm * tube.normals[sections] - origin
-    upper = tube.points[sections] + tube.width_mm * tube.normals[sections] - origin
-    ends, bends = [], []
-    for level in LEVELS:
-        targets = tube.points[sections] + level * tube.width_mm * tube.normals[sections] - origin
-        one, other = _bends(targets, lower), _bends(targets, upper)
-        # A section behind the target bounds the curvature; the target's own and those ahead do not.
-        is_behind = np.tri(len(sections), k=-1, dtype=bool)
-        low = np.where(is_behind, np.minimum(one, other), -np.inf).max(axis=1)
-        high = np.where(is_behind, np.maximum(one, other), np.inf).min(axis=1)
-        fits = np.flatnonzero(low <= high)
-        if not len(fits):
-            ends.append(start.section)
-            bends.append(0.0)
-            continue
-        chosen = int(fits[-1])
-        ends.append(int(sections[chosen]))
-        is_free = not np.isfinite(low[chosen])
-        bends.append(0.0 if is_free else float(0.5 * (low[chosen] + high[chosen])))
-    return ends, bends
+def _furthest_of(tube: Tube, reaches: list[Reach]) -> list[tuple[Reach, list[int], list[float]]]:
+    """Each reach with the furthest section for every level, and the arcs' curvatures; windows grow until they do."""
+    last, window = len(tube.points) - 1, 2 * SECTIONS_AN_ARC
+    found: dict[int, tuple[Reach, list[int], list[float]]] = {}
+    open_ = list(range(len(reaches)))
+    while open_:
+        ends, bends = _furthest(tube, [reaches[at] for at in open_], window)
+        found |= {at: (reaches[at], *both) for at, *both in zip(open_, ends.tolist(), bends.tolist(), strict=True)}
+        open_ = [at for at in open_ if max(found[at][1]) == reaches[at].section + window < last]
+        window *= 2
+    return [found[at] for at in range(len(reaches))]
+
+
+def _furthest(tube: Tube, starts: list[Reach], window: int) -> tuple[Index, Array]:
+    """For each start and level the furthest of the next sections that one arc reaches, and its curvature, (r, l)."""
+    last = len(tube.points) - 1
+    first = np.array([start.section for start in starts])
+    count = min(window, last - int(first.min()))
+    sections = first[:, None] + np.arange(1, count + 1)
+    is_there = sections <= last
+    points, normals = tube.points[np.minimum(sections, last)], tube.normals[np.minimum(sections, last)]
+    origins = np.array([tube.at(start.section, start.level) for start in starts])[:, None]
+    lower, upper = points - tube.width_mm * normals - origins, points + tube.width_mm * normals - origins
+    shifts = (LEVELS * tube.width_mm)[:, None, None] * normals[:, None]
+    targets = points[:, None] + shifts - origins[:, None]
+    one, other = _bends(targets, lower), _bends(targets, upper)
+    # A section behind the target bounds the curvature; the target's own and those ahead do not.
+    is_behind = np.tri(count, k=-1, dtype=bool)
+    low = np.where(is_behind, np.minimum(one, other), -np.inf).max(axis=-1)
+    high = np.where(is_behind, np.maximum(one, other), np.inf).min(axis=-1)
+    fits = (low <= high) & is_there[:, None]
+    chosen = count - 1 - fits[..., ::-1].argmax(axis=-1)
+    low, high = (np.take_along_axis(side, chosen[..., None], axis=-1)[..., 0] for side in (low, high))
+    is_free = ~np.isfinite(low)
+    bends = 0.5 * (np.where(is_free, 0.0, low) + np.where(is_free, 0.0, high))
+    return first[:, None] + 1 + chosen, bends
 
 
 def _bends(targets: Array, through: Array) -> Array:
-    """Signed curvature (j, i) of the arc from the origin through points i to targets j; positive turns left."""
-    chord = targets[:, None, :] - through[None, :, :]
-    cross = through[None, :, 0] * targets[:, None, 1] - through[None, :, 1] * targets[:, None, 0]
-    lengths = np.hypot(*through.T)[None, :] * np.hypot(*targets.T)[:, None] * np.hypot(chord[..., 0], chord[..., 1])
-    return np.asarray(2.0 * cross / np.maximum(lengths, np.finfo(float).tiny))
+    """Signed curvature (r, l, j, i) of the arc from the origin through points (r, i, 2) to targets (r, l, j, 2).
+
+    Positive turns left.
+    """
+    x, y = through[:, None, None, :, 0], through[:, None, None, :, 1]
+    to_x, to_y = targets[..., 0, None], targets[..., 1, None]
+    lengths = np.hypot(x, y) * np.hypot(to_x, to_y) * np.hypot(to_x - x, to_y - y)
+    return np.asarray(2.0 * (x * to_y - y * to_x) / np.maximum(lengths, np.finfo(float).tiny))
 
 
 def _chain(tube: Tube, end: Reach) -> ArcChain:
