@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from dnc.events import Alarm, Severity
 
+RESTART = "dnc send --resume, or from its start where no sidecar of dnc plan lies beside the program"
+
 
 @dataclass(frozen=True, slots=True)
 class Kind:
@@ -32,7 +34,7 @@ HOLD_TIMEOUT = Kind(
     "DNC-L1T",
     Severity.ALARM,
     "the control held the line longer than --hold-timeout",
-    "reset the control, then dnc send --resume",
+    f"reset the control, then {RESTART}",
 )
 UNASKED_XON = Kind(
     "DNC-L4",
@@ -50,7 +52,7 @@ DEAF_DRIVER = Kind(
     "DNC-L6P",
     Severity.ALARM,
     "the control sends XOFF and the driver does not obey it",
-    "set format as at the control (7E1 if XOFF came as 0x93) or use --handshake xonxoff, then dnc send --resume",
+    f"set format as at the control (7E1 if XOFF came as 0x93) or use --handshake xonxoff, then {RESTART}",
 )
 LOOPBACK = Kind(
     "DNC-L12",
@@ -75,21 +77,21 @@ PORT_LOST = Kind(
     "DNC-A1",
     Severity.ALARM,
     "the port was lost",
-    "plug the adapter in again, reset the control, then dnc send --resume; nothing restarts by itself",
+    f"plug the adapter in again, reset the control, then {RESTART}; nothing restarts by itself",
 )
 FOREIGN_SETTINGS = Kind(
     "DNC-A5",
     Severity.ALARM,
     "another program changed the settings of the port",
-    "end that program, then dnc send --resume",
+    f"end that program, then {RESTART}",
 )
 CLOSE_STUCK = Kind("DNC-A10", Severity.WARNING, "the port did not close in time", "unplug the adapter once")
-CONTROL_RESET = Kind("DNC-C1", Severity.ALARM, "the control was reset", "dnc send --resume once the control is ready")
+CONTROL_RESET = Kind("DNC-C1", Severity.ALARM, "the control was reset", f"once the control is ready, {RESTART}")
 CONTROL_ALARM = Kind(
     "DNC-C2",
     Severity.ALARM,
     "the control raised an alarm",
-    "read the alarm at the control, then dnc send --resume",
+    f"read the alarm at the control, then {RESTART}",
 )
 NO_FIRST_XON = Kind(
     "DNC-C3",

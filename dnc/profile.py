@@ -15,6 +15,7 @@ import msgspec
 from msgspec import Meta
 
 from dnc.errors import SettingsRejected
+from dnc.framing import block_end_bytes, escaped_bytes
 from dnc.places import user_machines
 from dnc.shipped import shipped_names, shipped_path
 from planner import tomlfile
@@ -167,7 +168,21 @@ def load_profile(path: Path) -> MachineProfile:
         )
     for key, what, remedy in _contradictions(profile):
         raise SettingsRejected(what, path=path, line=lines.get(key), remedy=remedy)
+    for name in ("leader", "trailer", "end_of_block"):
+        _refuse_framing(profile, name, path, lines.get(("tape", name)))
     return profile
+
+
+def _refuse_framing(profile: MachineProfile, name: str, path: Path, line: int | None) -> None:
+    """A misspelt escape is found before a program is asked for, and where it stands."""
+    value = getattr(profile.tape, name)
+    try:
+        if name == "end_of_block":
+            block_end_bytes(value)
+        else:
+            escaped_bytes(name, value)
+    except SettingsRejected as problem:
+        raise SettingsRejected(problem.what, path=path, line=line, remedy=problem.remedy) from None
 
 
 def _contradictions(profile: MachineProfile) -> Iterator[tuple[tuple[str, ...], str, str]]:

@@ -16,7 +16,7 @@ import click
 import msgspec
 
 from dnc.aftermath import refuse_dirty_control
-from dnc.errors import InputRejected, SettingsRejected
+from dnc.errors import ExitCode, InputRejected, SettingsRejected
 from dnc.hooks import hooks_of
 from dnc.job import Finished, Job, pace_of
 from dnc.names import JobNames, new_job_id
@@ -266,13 +266,13 @@ def _ending(finished: Finished, wishes: Wishes) -> int:
     text = json.dumps(finished.report, indent=1)
     label = "SIMULATED: " if finished.report["simulated"] else ""
     tell(f"{label}{finished.sentence}")
+    if wishes.as_json:
+        click.echo(text)
     if wishes.report is not None:
         try:
             write_file(wishes.report, f"{text}\n".encode())
         except InputRejected as problem:
-            if finished.exit_code == 0:
-                raise
-            tell(str(problem))
-    if wishes.as_json:
-        click.echo(text)
+            tell(f"{problem}; the job itself ended as said before")
+            # Not 3: who reads that takes the program for refused and sends it again.
+            return finished.exit_code or ExitCode.SETTINGS
     return finished.exit_code

@@ -27,6 +27,9 @@ def test_shipped_profiles_are_read(name: str) -> None:
         ("rapid_mm_min", "1e-308", "rapid_mm_min: "),
         ("jerk_mm_s3", "1e300", "jerk_mm_s3: "),
         ("max_mm", "-9999", "mm; write the smaller end as min_mm"),
+        ("end_of_block", '"cr-lf"', ":16: tape.end_of_block 'cr-lf' ends no block; write as-is, lf"),
+        ("leader", '"\\\\FOO"', "tape.leader '\\\\FOO': '\\\\FOO' is no known escape; known: "),
+        ("trailer", '"\u20ac"', "no line carries '\u20ac'; leave it out"),
         ("xon_fill_bytes", "999999", "exceed receive_buffer_bytes; lower one of them"),
     ],
 )

@@ -213,3 +213,20 @@ def ordered(watcher: socket.socket, word: str) -> dict[str, object]:
             if "answer" in values:
                 assert isinstance(values, dict)
                 return values
+
+
+def test_a_report_that_cannot_be_written_does_not_call_the_program_refused(tmp_path: Path) -> None:
+    """(5.7) Exit code 3 is that of a program that was never sent; who reads it sends the job again."""
+    program, gone = tmp_path / "part.mpf", tmp_path / "gone"
+    program.write_bytes(b"G1 X1\n" * 500 + b"M30\n")
+    gone.mkdir()
+    with (
+        PeerProcess(baud=19200) as peer,
+        SendProcess(tmp_path, program, peer.pty, "--baud=19200", "--report", str(gone / "sent.json")) as sending,
+    ):
+        wait_for_state(tmp_path, "SENDING")
+        gone.rmdir()
+        code, words = sending.finish()
+    assert code == 8, words
+    assert "sent 3004 bytes" in words
+    assert re.search(r"gone/sent\.json: .*the job itself ended as said before", words)
