@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import os
+import shutil
+from collections.abc import Iterator
 
 import pytest
 
+from tests.helpers.line import RUNTIME_FOLDERS
+
 
 @pytest.fixture(autouse=True, scope="session")
-def _records_apart(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Journal, job records and fault files of all commands go to a folder of this run."""
+def _records_apart(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Journal, job records and fault files of all commands go to a folder of this run; sockets' folders are removed."""
     os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
+    yield
+    for folder in RUNTIME_FOLDERS:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @pytest.hookimpl(wrapper=True)

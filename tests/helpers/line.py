@@ -75,10 +75,15 @@ def alarm_ids(events: list[Event]) -> list[str]:
     return [event.id for event in events if isinstance(event, Alarm)]
 
 
+RUNTIME_FOLDERS: set[Path] = set()
+"""What `runtime_of` has made; a run removes it at its end."""
+
+
 def runtime_of(folder: Path) -> Path:
     """A short folder for the sockets of this test: a socket's path holds 107 bytes."""
     runtime = Path(tempfile.gettempdir()) / f"dnc-{hashlib.sha256(str(folder).encode()).hexdigest()[:12]}"
     runtime.mkdir(exist_ok=True)
+    RUNTIME_FOLDERS.add(runtime)
     return runtime
 
 
