@@ -37,9 +37,10 @@ def conversion_error(
     unknown = re.search(r"unknown field `([^`]*)`", what)
     if unknown:
         name = unknown[1]
+        said = name if name.isprintable() else repr(name)[1:-1]
         near = difflib.get_close_matches(name, sorted(_field_names(kind)), n=1)
         remedy = f"did you mean {near[0]}?" if near else "remove it, or see the list of keys in docs/interface.md"
-        return error(f"unknown key {name}", path=path, line=_line(lines, (*at, name)), remedy=remedy)
+        return error(f"unknown key {said}", path=path, line=_line(lines, (*at, name)), remedy=remedy)
     missing = re.search(r"missing required field `([^`]*)`", what)
     if missing:
         place = ".".join(str(part) for part in at) or "the file"

@@ -12,7 +12,7 @@ import stat
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -21,6 +21,7 @@ from planner.toml_complaints import conversion_error
 
 T = TypeVar("T")
 KeyPath = tuple[str | int, ...]
+_KEY = re.compile(r"""[A-Za-z0-9_-]+|"(?:[^"\\]|\\.)*"|'[^']*'""")
 _BOMS = {b"\xef\xbb\xbf": "UTF-8 byte order mark", b"\xff\xfe": "UTF-16 text", b"\xfe\xff": "UTF-16 text"}
 
 
@@ -34,15 +35,54 @@ def load(
     """
     text = read_text(path, error=error, limit_bytes=limit_bytes)
     try:
+        return _converted(text, path, kind, error)
+    except RecursionError:
+        raise error("is nested too deep", path=path, remedy="begin from a file of those shipped in configs/") from None
+
+
+def _converted(text: str, path: Path, kind: type[T], error: type[InputRejected]) -> tuple[T, dict[KeyPath, int]]:
+    """The text of the file as `load` gives it."""
+    try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
         raise _syntax_error(path, str(problem), error) from None
+    except ValueError:  # Python reads no whole number beyond 4300 digits
+        raise error("holds a whole number of thousands of digits", path=path, remedy="write it shorter") from None
     lines = key_lines(text)
     _reject_not_finite(data, (), path, lines, error)
     try:
         return msgspec.convert(data, kind, strict=True), lines
     except msgspec.ValidationError as problem:
-        raise conversion_error(path, str(problem), kind, lines, error) from None
+        raise conversion_error(path, _with_name(str(problem), data, kind), kind, lines, error) from None
+
+
+def _with_name(problem: str, data: dict[str, Any], kind: type[Any]) -> str:
+    """The complaint with the name of the table it is about, where msgspec writes `[...]` for a name that is free.
+
+    Tables of free names are converted one at a time, until one of them brings the same complaint.
+    """
+    above, mark, _ = problem.partition("[...]")
+    _, here, names = above.partition("`$.")
+    if not mark or not here:
+        return problem
+    steps = names.split(".")
+    tables: Any = data
+    for step in steps:
+        tables = tables[step]
+    for name in tables:
+        try:
+            msgspec.convert(_with_one(data, steps, name), kind, strict=True)
+        except msgspec.ValidationError as again:
+            if str(again) == problem:
+                return problem.replace(mark, f".{name}", 1)
+    return problem
+
+
+def _with_one(data: dict[str, Any], steps: list[str], name: str) -> dict[str, Any]:
+    """The data with nothing but `name` in the table that `steps` lead to."""
+    if not steps:
+        return {name: data[name]}
+    return {**data, steps[0]: _with_one(data[steps[0]], steps[1:], name)}
 
 
 def read_text(
@@ -57,6 +97,8 @@ def read_text(
         mode = path.stat().st_mode
     except OSError as problem:
         raise error(f"cannot be read: {problem.strerror}", path=path, remedy="check the name and the rights") from None
+    except ValueError:  # it holds a NUL
+        raise error(f"{str(path)!r} is no name of a file", remedy="check the name") from None
     if not stat.S_ISREG(mode):
         kind = "a directory" if stat.S_ISDIR(mode) else "not a regular file"
         raise error(f"is {kind}", path=path, remedy=remedy)
@@ -131,16 +173,11 @@ class _Walker:
         names: list[str] = []
         while True:
             self._skip_blank()
-            if self.text[self.at] in "\"'":
-                quote, begin = self.text[self.at], self.at + 1
-                end = self.text.index(quote, begin)
-                names.append(self.text[begin:end])
-                self._move(end + 1 - self.at)
-            else:
-                found = re.compile(r"[A-Za-z0-9_-]+").match(self.text, self.at)
-                assert found is not None
-                names.append(found.group())
-                self._move(len(found.group()))
+            found = _KEY.match(self.text, self.at)
+            assert found is not None
+            name = found.group()
+            names.append(next(iter(tomllib.loads(f"{name} = 0"))))
+            self._move(len(name))
             self._skip_blank()
             if self.text[self.at] == stop:
                 return tuple(names)

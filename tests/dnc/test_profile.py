@@ -44,3 +44,25 @@ def test_values_that_cannot_be_meant_are_told(tmp_path: Path, key: str, value: s
         load_profile(path)
     assert str(refused.value).startswith(f"{path}:")
     assert words in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "[axes.Y]\nmin_mm = -500.0",
+            '[axes.Y]\nmin_mm = "a"',
+            ":47: axes.Y.min_mm: is text in quotes; write a number",
+        ),
+        ("[axes.Y]\nmin_mm = -500.0", "[axes.Y]", ":46: min_mm is missing in axes.Y; add it"),
+        ("[modbus]", "[modbus.register.a]\nfunction = 9\n[modbus]", ":60: modbus.register.a.function: is out of range"),
+    ],
+)
+def test_a_wrong_value_of_a_named_table_is_told_with_its_name(tmp_path: Path, old: str, new: str, words: str) -> None:
+    """(5.3) Which of the axes, which of the registers, and the line."""
+    path = tmp_path / "mill.toml"
+    assert old in GOOD
+    path.write_text(GOOD.replace(old, new))
+    with pytest.raises(SettingsRejected) as refused:
+        load_profile(path)
+    assert words in str(refused.value)

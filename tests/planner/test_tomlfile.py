@@ -70,6 +70,11 @@ def test_thesis_job_loads() -> None:
         ("length_mm = 60.0", "length_mm = 1979-05-27", "tool.0.length_mm: is a date; write a number"),
         ("[[0, 0, -20], ", "[", "job.toml:8: setup.stock_box_mm: is a list of 1; write a list of 2"),
         ("safe_z_mm = 50.0", "", "job.toml:5: safe_z_mm is missing in setup"),
+        ("[setup]", "a = " + 2000 * "[" + 2000 * "]" + "\n[setup]", "job.toml: is nested too deep; "),
+        ("[setup]", ".".join(3000 * ["a"]) + " = 1\n[setup]", "job.toml: is nested too deep; "),
+        ("[setup]", "a = " + 5000 * "9" + "\n[setup]", "job.toml: holds a whole number of thousands of digits; "),
+        ("[setup]", '"a\\"b" = 1\n[setup]', 'job.toml:5: unknown key a"b; '),
+        ("[setup]", '"a\\nb" = 1\n[setup]', "job.toml:5: unknown key a\\nb; "),
     ],
 )
 def test_bad_job_is_one_sentence_with_its_line(tmp_path: Path, old: str, new: str, sentence: str) -> None:
@@ -97,6 +102,7 @@ def test_files_that_are_no_toml(tmp_path: Path) -> None:
         (mark, "byte order mark"),
         (binary, "binary:2: is not UTF-8"),
         (tmp_path / "absent", "No such file"),
+        (tmp_path / "nul\0", "nul.x00' is no name of a file"),
     ]:
         with pytest.raises(InputRejected, match=words):
             load(path, Job)
