@@ -17,7 +17,7 @@ from planner.errors import InputRejected
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 Feed = Annotated[float, Meta(ge=0.001, le=999_999.999)]  # what an F word can say
-SpindleSpeed = Annotated[float, Meta(gt=0, le=999_999.999)]
+SpindleSpeed = Annotated[float, Meta(ge=0.001, le=999_999.999)]
 Angle = Annotated[float, Meta(ge=-360, le=360)]
 Height = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Dwell = Annotated[float, Meta(ge=0, le=3600)]
@@ -115,6 +115,9 @@ def load_job(path: Path) -> Job:
         _reject(path, lines, ("setup", "safe_z_mm"), "safe_z_mm is below clearance_z_mm", "raise it")
     _check_box(job.setup, path, lines)
     for index, tool in enumerate(job.tool):
+        if any((one.number, one.edge) == (tool.number, tool.edge) for one in job.tool[:index]):
+            what = f"tool {tool.number} with edge {tool.edge} is described twice"
+            _reject(path, lines, ("tool", index), what, "keep one of them, or number them apart")
         if tool.length_mm is not None and tool.length_mm <= tool.radius_mm:
             what = f"length_mm {tool.length_mm:g} is not above the tool's radius {tool.radius_mm:g}"
             _reject(path, lines, ("tool", index, "length_mm"), what, "give the length out of the holder")

@@ -65,6 +65,16 @@ def test_thesis_job_loads() -> None:
         ("scallop_mm = 0.08", "", "job.toml:19: needs either scallop_mm or pick_feed_mm"),
         ("tool = 2", "tool = 3", "job.toml:20: tool 3 is not in the job"),
         ("[setup]", "[setup", "job.toml:5:"),
+        (
+            "spindle_rpm = 1000.0",
+            "spindle_rpm = 1e-320",
+            "job.toml:29: operation.0.spindle_rpm: is out of range; write a",
+        ),
+        (
+            "[[operation]]",
+            '[[tool]]\nnumber = 2\nkind = "ball"\ndiameter_mm = 2.0\n[[operation]]',
+            "job.toml:19: tool 2 with edge 1 is described twice; ",
+        ),
         ("safe_z_mm = 50.0", "safe_z_mm = 1e308", "job.toml:10: setup.safe_z_mm: is out of range; write a number <="),
         ("length_mm = 60.0", "length_mm = true", "tool.0.length_mm: is true or false; write a number"),
         ("length_mm = 60.0", "length_mm = 1979-05-27", "tool.0.length_mm: is a date; write a number"),
