@@ -23,7 +23,9 @@ from planner import tomlfile
 Byte = Annotated[int, Meta(ge=0, le=255)]
 Positive = Annotated[float, Meta(gt=0)]
 AxisRate = Annotated[float, Meta(ge=1e-3, le=1e9)]
-NotNegative = Annotated[float, Meta(ge=0)]
+Waiting = Annotated[float, Meta(ge=0, le=31_536_000)]
+Delay = Annotated[float, Meta(ge=0, le=3600)]
+Cycle = Annotated[float, Meta(ge=1e-6, le=10)]
 Count = Annotated[int, Meta(ge=0)]
 
 
@@ -40,14 +42,14 @@ class Link(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     xon: Byte = 0x11
     xoff: Byte = 0x13
     start: Literal["immediate", "wait-xon"] = "immediate"
-    start_timeout_s: NotNegative = 60.0
-    hold_timeout_s: NotNegative = 0.0
-    hold_warning_s: NotNegative = 120.0
+    start_timeout_s: Waiting = 60.0
+    hold_timeout_s: Waiting = 0.0
+    hold_warning_s: Waiting = 120.0
     inflight_max_bytes: Annotated[int, Meta(ge=1)] | None = None
-    adapter_latency_s: NotNegative = 0.0
+    adapter_latency_s: Delay = 0.0
     software_parity: bool = False
-    char_delay_s: NotNegative = 0.0
-    line_delay_s: NotNegative = 0.0
+    char_delay_s: Delay = 0.0
+    line_delay_s: Delay = 0.0
 
     @property
     def data_bits(self) -> int:
@@ -83,12 +85,12 @@ class Control(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     poly_degree: Literal[3, 5] = 3
     resolution_mm: Positive = 0.001
     tool_length_reference: Literal["tip", "centre"] = "tip"
-    receive_buffer_bytes: Annotated[int, Meta(ge=16)] = 30720
+    receive_buffer_bytes: Annotated[int, Meta(ge=16, le=1 << 30)] = 30720
     xoff_free_bytes: Count = 120
     xon_fill_bytes: Count = 15360
     overrun_allowed_bytes: Count = 120
-    block_cycle_s: Positive = 0.004
-    lookahead_blocks: Annotated[int, Meta(ge=1)] = 100
+    block_cycle_s: Cycle = 0.004
+    lookahead_blocks: Annotated[int, Meta(ge=1, le=1_000_000)] = 100
     min_spline_blocks: Count = 6
     retract_z_mm: float | None = None
     decimals: Annotated[int, Meta(ge=0, le=9)] | None = None
@@ -197,7 +199,18 @@ def _contradictions(profile: MachineProfile) -> Iterator[tuple[tuple[str, ...], 
         if 32 <= value < 127 or value in b"\r\n":
             what = f"{name} is {chr(value)!r}, which programs contain"
             yield ("link", name), what, "write a control character, 17 for XON and 19 for XOFF as a rule"
+    beyond = beyond_travel("retract_z_mm", control.retract_z_mm, profile)
+    if beyond:
+        yield ("control", "retract_z_mm"), beyond, "write a machine height that Z reaches"
     for name, axis in profile.axes.items():
         if axis.min_mm >= axis.max_mm:
             what = f"the travel of {name} goes from {axis.min_mm:g} to {axis.max_mm:g} mm"
             yield ("axes", name, "min_mm"), what, "write the smaller end as min_mm"
+
+
+def beyond_travel(name: str, retract_z_mm: float | None, profile: MachineProfile) -> str:
+    """What is wrong with a machine height that Z cannot reach, called by this name; empty where nothing is."""
+    low, high = profile.axes["Z"].min_mm, profile.axes["Z"].max_mm
+    if retract_z_mm is None or low <= retract_z_mm <= high:
+        return ""
+    return f"{name} {retract_z_mm:g} is beyond the travel of Z, {low:g} to {high:g} mm"

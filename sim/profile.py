@@ -13,6 +13,7 @@ from planner import tomlfile
 from planner.errors import SettingsRejected
 
 Byte = Annotated[int, Meta(ge=0, le=255)]
+Cycle = Annotated[float, Meta(ge=1e-6, le=10)]
 Positive = Annotated[float, Meta(gt=0)]
 Count = Annotated[int, Meta(ge=0)]
 
@@ -61,21 +62,21 @@ class MillProfile:
 
 
 class _Link(msgspec.Struct, frozen=True):
-    baud: Annotated[int, Meta(ge=50, le=4_000_000)]
-    format: Annotated[str, Meta(pattern=r"^[5-8][NEOMS](1|1\.5|2)$")]
+    baud: Annotated[int, Meta(ge=50, le=4_000_000)] = 9600
+    format: Annotated[str, Meta(pattern=r"^[5-8][NEOMS](1|1\.5|2)$")] = "8N1"
     xon: Byte = 0x11
     xoff: Byte = 0x13
     start: Literal["immediate", "wait-xon"] = "immediate"
 
 
 class _Control(msgspec.Struct, frozen=True):
-    dialect: str
-    resolution_mm: Positive
-    receive_buffer_bytes: Annotated[int, Meta(ge=16, le=1 << 30)]
-    xoff_free_bytes: Count
-    xon_fill_bytes: Count
-    block_cycle_s: Positive
-    lookahead_blocks: Annotated[int, Meta(ge=1, le=1_000_000)]
+    dialect: str = "sinumerik"
+    resolution_mm: Positive = 0.001
+    receive_buffer_bytes: Annotated[int, Meta(ge=16, le=1 << 30)] = 30720
+    xoff_free_bytes: Count = 120
+    xon_fill_bytes: Count = 15360
+    block_cycle_s: Cycle = 0.004
+    lookahead_blocks: Annotated[int, Meta(ge=1, le=1_000_000)] = 100
     knot_rule: Literal["nx", "genua"] = "nx"
     poly_degree: Literal[3, 5] = 3
     g28: Literal["iso", "alarm", "ignore"] = "iso"
