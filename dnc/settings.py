@@ -5,9 +5,10 @@ The keys are the options that a `DNC_...` variable can give too; option and vari
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
+from msgspec import Meta
 
 from dnc.errors import SettingsRejected
 from dnc.places import config_folder, system_config_folder
@@ -18,8 +19,8 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One file; what it does not say is None."""
 
     machine: str | None = None
-    baud: int | None = None
-    format: str | None = None
+    baud: Annotated[int, Meta(ge=50, le=4_000_000)] | None = None
+    format: Annotated[str, Meta(pattern=r"^[5-8][NEOMS](1|1\.5|2)$")] | None = None
     modbus: str | None = None
 
 

@@ -89,6 +89,11 @@ def run_with(arguments: list[str]) -> int:
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         return int(ExitCode.USAGE)
+    except click.BadParameter as error:
+        variable = _variable(error)
+        what = f"{variable}: {error.message.rstrip('.')}; mend or unset it" if variable else _usage_sentence(error)
+        click.echo(f"dnc: {what}", err=True)
+        return int(ExitCode.SETTINGS if variable else ExitCode.USAGE)
     except click.ClickException as error:
         click.echo(f"dnc: {_usage_sentence(error)}", err=True)
         return int(ExitCode.USAGE)
@@ -99,6 +104,14 @@ def run_with(arguments: list[str]) -> int:
     except Exception as error:  # noqa: BLE001 (the rim: a fault of ours becomes one sentence and a file to report)
         return _internal_fault(error)
     return result if isinstance(result, int) else 0
+
+
+def _variable(error: click.BadParameter) -> str | None:
+    """The environment variable that the refused value is from, if it is from one."""
+    if error.ctx is None or error.param is None or error.param.name is None:
+        return None
+    source = error.ctx.get_parameter_source(error.param.name)
+    return str(error.param.envvar) if source is click.core.ParameterSource.ENVIRONMENT else None
 
 
 def _usage_sentence(error: click.ClickException) -> str:

@@ -162,6 +162,36 @@ def test_settings_come_in_their_order(
     assert main.run_with(["--help"]) == ExitCode.OK
 
 
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("baud = -5", "baud: is out of range; write a whole number >= 50"),
+        ('format = "9N1"', "format: has another form; "),
+    ],
+)
+def test_a_setting_that_cannot_be_meant_is_told_where_it_stands(
+    line: str, words: str, own_machines: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(Interface, section 6) The file is wrong, not the command line."""
+    user = own_machines.parent / "settings.toml"
+    user.write_text(f"# ours\n{line}\n")
+    assert main.run_with(["send", "part.mpf", "--port", "/dev/ttyUSB0"]) == ExitCode.SETTINGS
+    assert capsys.readouterr().err.startswith(f"dnc: {user}:2: {words}")
+
+
+@pytest.mark.parametrize("value", ["abc", "0"])
+def test_a_wrong_variable_is_called_by_its_name(
+    value: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(Interface, section 6)"""
+    monkeypatch.setenv("DNC_BAUD", value)
+    assert main.run_with(["send", "part.mpf", "--port", "/dev/ttyUSB0"]) == ExitCode.SETTINGS
+    said = capsys.readouterr().err
+    assert said.startswith("dnc: DNC_BAUD: ")
+    assert said.endswith("; mend or unset it\n")
+    assert main.run_with(["send", "part.mpf", "--port", "/dev/ttyUSB0", "--baud", "0"]) == ExitCode.USAGE
+
+
 def test_a_broken_profile_hides_no_other(own_machines: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """(2.7)"""
     (own_machines / "worn.toml").write_text("[link\n")
