@@ -37,12 +37,15 @@ def command(
     """Cut PROGRAM where the tool stands clear; each part restores tool, spindle, frames and modes, and ends itself."""
     from dnc.control_side import decimals_of, settings_of
     from dnc.preamble import Heights
-    from dnc.profile import load_profile, profile_path
+    from dnc.profile import beyond_travel, load_profile, profile_path
     from dnc.split import split_program
     from planner.files import made_folder, read_program, write_file
     from planner.job import load_job
 
     profile = load_profile(profile_path(machine))
+    beyond = beyond_travel("--retract-z", retract_z_mm, profile)
+    if beyond:
+        raise click.UsageError(beyond)
     loaded = load_job(job)
     operation = loaded.operation[0]
     heights = Heights(
@@ -62,6 +65,7 @@ def command(
     names = [output / f"{program.stem}-{number}{program.suffix}" for number in range(1, len(parts) + 1)]
     for name, part in zip(names, parts, strict=True):
         write_file(name, part.data)
+    _tell_earlier_parts(output, program, len(parts))
     rows = [
         {"file": name.name, "bytes": len(part.data), "first_line": part.first_line, "last_line": part.last_line}
         for name, part in zip(names, parts, strict=True)
@@ -71,3 +75,15 @@ def command(
     for row in () if as_json else rows:
         click.echo(f"{row['file']}: {row['bytes']} bytes, lines {row['first_line']} to {row['last_line']}")
     return 0
+
+
+def _tell_earlier_parts(folder: Path, program: Path, count: int) -> None:
+    """Parts that an earlier split left behind would pass for parts of this one."""
+    number = count
+    while (folder / f"{program.stem}-{number + 1}{program.suffix}").exists():
+        number += 1
+    if number == count:
+        return
+    first, last = (f"{program.stem}-{one}{program.suffix}" for one in (count + 1, number))
+    names = first if first == last else f"{first} to {last}"
+    click.echo(f"dnc: warning: {folder} still holds parts of an earlier split, {names}; remove them", err=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import click
 import msgspec
 import pytest
 from click.testing import CliRunner
@@ -106,3 +107,31 @@ def test_no_byte_of_a_long_line_is_lost(tmp_path: Path) -> None:
     arguments = [str(path), "-o", str(tmp_path), "--job", str(THESIS), "--bytes", "1000000"]
     assert CliRunner().invoke(command, arguments, standalone_mode=False).return_value == 0
     assert (tmp_path / "part-1.mpf").read_bytes() == data
+
+
+def test_parts_of_an_earlier_split_are_told(tmp_path: Path) -> None:
+    """(2.7) They have the names of parts of this one, and are of another program or other cuts."""
+    source, parts = tmp_path / "p.mpf", tmp_path / "parts"
+    source.write_bytes(program())
+    job_words = ["--job", str(THESIS)]
+
+    def said(most_bytes: int) -> str:
+        arguments = [str(source), "-o", str(parts), "--bytes", str(most_bytes), *job_words]
+        return CliRunner().invoke(command, arguments, standalone_mode=False).stderr
+
+    assert said(600) == ""
+    before = sorted(path.name for path in parts.iterdir())
+    assert len(before) > 2
+    assert said(1 << 20) == (
+        f"dnc: warning: {parts} still holds parts of an earlier split, p-2.mpf to p-{len(before)}.mpf; remove them\n"
+    )
+    assert sorted(path.name for path in parts.iterdir()) == before
+
+
+def test_a_retract_beyond_the_travel_is_refused(tmp_path: Path) -> None:
+    """(2.7)"""
+    source = tmp_path / "p.mpf"
+    source.write_bytes(program())
+    arguments = [str(source), "-o", str(tmp_path), "--job", str(THESIS), "--retract-z", "501"]
+    with pytest.raises(click.UsageError, match="--retract-z 501 is beyond the travel of Z, -500 to 500 mm"):
+        CliRunner().invoke(command, arguments, standalone_mode=False, catch_exceptions=False)
