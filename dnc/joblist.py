@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from dnc.errors import JournalMismatch
 from dnc.journal import read_journal
+
+_ENDS = frozenset({"SENT", "ABORTED", "FAULTED"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +25,16 @@ class PastJob:
 
 
 def past_jobs(state: Path) -> list[PastJob]:
-    """All jobs, oldest first; a journal without a record is INTERRUPTED, or RUNNING if its process lives."""
+    """All jobs, oldest first; a journal without a record is INTERRUPTED, or RUNNING if its process lives.
+
+    A record of a job that a fault of ours ended in its course counts as none.
+    """
     recorded = [PastJob(values["job"], values["outcome"], values) for values in _records(state)]
-    known = {past.job for past in recorded}
+    known = {past.job: past for past in recorded if past.outcome in _ENDS}
     journals = [journal for journal in (state / "jobs").glob("*/journal") if journal.parent.name not in known]
-    return sorted([*recorded, *map(_unrecorded, journals)], key=lambda past: past.job)
+    unended = {past.job: replace(past, outcome="INTERRUPTED") for past in recorded if past.job not in known}
+    found = known | unended | {journal.parent.name: _unrecorded(journal) for journal in journals}
+    return sorted(found.values(), key=lambda past: past.job)
 
 
 def first_broken_link(state: Path) -> int | None:
@@ -73,7 +80,7 @@ def _unrecorded(journal: Path) -> PastJob:
     except JournalMismatch as problem:
         return PastJob(job, "INTERRUPTED", {**about, "note": str(problem)})
     pid = job.rpartition("-")[2]
-    is_alive = _is_ours(pid) and last.state.value not in ("ABORTED", "FAULTED", "SENT")
+    is_alive = _is_ours(pid) and last.state.value not in _ENDS
     values = {**about, "bytes_sent": last.sent_bytes, "bound_bytes": last.bound_bytes, "state": last.state.value}
     return PastJob(job, "RUNNING" if is_alive else "INTERRUPTED", values)
 

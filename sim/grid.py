@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.errors import InputRejected
 from sim.nominal_patch import Frames, NominalPatch
 
 Floats = NDArray[np.float64]
+MOST_PROBES = 20_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +40,18 @@ class Net:
 
 
 def net_of(patch: NominalPatch, pitch_mm: float) -> Net:
-    """The net of a patch: nodes so dense that no step along u or v is longer than `pitch_mm`, borders included."""
+    """The net of a patch: nodes so dense that no step along u or v is longer than `pitch_mm`, borders included.
+
+    Raises InputRejected for more probes than fit into memory.
+    """
     (u0, u1), (v0, v1) = patch.domain
     frames = patch.grid_frames(np.linspace(u0, u1, 65), np.linspace(v0, v1, 65))
     speed_u = np.linalg.norm(frames.along_u, axis=1).reshape(65, 65).max(axis=1)
     speed_v = np.linalg.norm(frames.along_v, axis=1).reshape(65, 65).max(axis=0)
     u, v = _nodes(u0, u1, speed_u, pitch_mm), _nodes(v0, v1, speed_v, pitch_mm)
+    if len(u) * len(v) > MOST_PROBES:
+        what = f"a probe pitch of {pitch_mm:g} mm takes {len(u) * len(v):,} probes, and {MOST_PROBES:,} are the most"
+        raise InputRejected(what, remedy="give a larger pitch")
     fine = patch.grid_frames(u, v)
     shape = (len(u), len(v))
     weights = np.outer(_widths(u), _widths(v))

@@ -100,6 +100,13 @@ def test_a_torn_line_spoils_no_other(state: Path) -> None:
     assert first_broken_link(state) is None
 
 
+def test_a_job_that_a_fault_of_ours_ended_is_interrupted(state: Path) -> None:
+    """(5.7) It stood as SENDING in the list for ever, and could not be resumed."""
+    append_record(state, {"job": "1", "outcome": "SENDING", "bytes_sent": 40})
+    append_record(state, {"job": "2", "outcome": "SENT"})
+    assert [(job.job, job.outcome) for job in past_jobs(state)] == [("1", "INTERRUPTED"), ("2", "SENT")]
+
+
 def test_a_line_that_does_not_fit_is_not_begun(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """(5.7; fault H2) The disk takes half of it: the record is as it was, and the caller hears of it."""
     append_record(state, {"job": "1", "outcome": "SENT"})

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import select
+import signal
 import subprocess
 import sys
 import tempfile
@@ -106,6 +107,9 @@ class PeerProcess:
 
     def report(self) -> dict[str, object]:
         return self._line()
+
+    def say_first(self) -> None:
+        self._child.send_signal(signal.SIGUSR1)
 
     def stop(self) -> dict[str, object]:
         self._child.terminate()

@@ -3,7 +3,7 @@
 `python tests/helpers/peer.py KEY=VALUE...` prints one JSON line with its pty when ready and one with what it saw: when
 `expect_bytes` have come and the line has then been silent for `quiet_s`, or on SIGTERM, once it has read what still
 lies in the pty. A busy computer may silence the line for long, so a test says how many bytes it expects, or stops the
-peer. It is a test tool, not the virtual mill.
+peer. On SIGUSR1 it says `say_first`. It is a test tool, not the virtual mill.
 """
 
 from __future__ import annotations
@@ -40,7 +40,6 @@ class Settings:
     quiet_s: float = 0.5
     mask_bytes: int = 0
     say_first: str = ""
-    first_delay_s: float = 0.3
     never_xon: int = 0
     hang_up_after_bytes: int = 0
     reset_after_bytes: int = 0
@@ -205,8 +204,7 @@ def main(words: list[str]) -> None:
     signal.signal(signal.SIGTERM, on_term)
     sys.stdout.write(json.dumps({"pty": peer.name}) + "\n")
     sys.stdout.flush()
-    for code in bytes.fromhex(settings.say_first):
-        peer.send(code, time.monotonic() + settings.first_delay_s)
+    signal.signal(signal.SIGUSR1, lambda *_: [peer.send(code, 0.0) for code in bytes.fromhex(settings.say_first)])
     peer.run()
     peer.report()
 

@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from planner.errors import InputRejected
 from sim.access import accessible
 from sim.grid import net_of
 from sim.tool import BallTool, BluntTool, Tool
@@ -17,6 +18,12 @@ def share(patches, radius_mm=4.0, pitch_mm=0.25):
 def test_a_plane_is_open_everywhere() -> None:
     """(3.3)"""
     assert share([plane()]) == [1.0]
+
+
+def test_more_probes_than_fit_into_memory_are_refused() -> None:
+    """(3.3) At a pitch of 2 um a part of 50 mm grew until the process was killed."""
+    with pytest.raises(InputRejected, match=r"a probe pitch of 0.0001 mm takes .* probes, .*; give a larger pitch"):
+        net_of(plane(), 1e-4)
 
 
 @pytest.mark.parametrize(("groove_mm", "expected"), [(4.1, 1.0), (3.9, 0.0)])

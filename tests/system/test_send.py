@@ -119,9 +119,11 @@ def test_first_xon_starts(tmp_path: Path) -> None:
     """(5.4)"""
     program = program_at(tmp_path, 20)
     with (
-        PeerProcess(say_first="11", first_delay_s=2.0, expect_bytes=program.stat().st_size, baud=38400) as peer,
+        PeerProcess(say_first="11", expect_bytes=program.stat().st_size, baud=38400) as peer,
         SendProcess(tmp_path, program, peer.pty, "--start", "wait-xon", FAST) as sending,
     ):
+        wait_for_state(tmp_path, "ARMED", sent=0)
+        peer.say_first()
         assert sending.finish()[0] == 0
         assert peer.report()["bytes_received"] == program.stat().st_size
 
