@@ -6,14 +6,19 @@ from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.path.curve import ExactCurve
+from planner.path.interval import Range
 from planner.path.model import Array, Method
 from planner.path.offset import OffsetSurface
 from planner.path.plane_spline import Index
 from planner.path.roll import RolledSurface
 from planner.path.slope_table import MOST_CELLS, SlopeTable, slope_table
 from planner.path.trace import TracedCurve
+
+WIDENINGS = 2
+SPARE = 1.5  # times the margin that the speeds ask for, because a wider box holds higher ones
 
 
 class SlopeSource(Protocol):
@@ -93,6 +98,11 @@ def _boxes(surface: OffsetSurface, start: Array, stop: Array) -> tuple[Array, Ar
     return room, np.minimum(start, stop) - room, np.maximum(start, stop) + room
 
 
+def _needed(speeds: Range, width: Array) -> Array:
+    """Margins (2, k) that a curve cannot cross: every point of it is within half the width (k,) of a node."""
+    return np.maximum(np.abs(speeds.low), np.abs(speeds.high)) * 0.51 * width
+
+
 class PatchSlopes:
     """Traced curves of one patch, enclosed through the patch's own derivatives, (F14) and (F15)."""
 
@@ -113,12 +123,8 @@ class PatchSlopes:
         node = np.clip(np.searchsorted(self._keys, middle, side="right") - 1, self._first[rows], self._last[rows])
         start, stop = self._parameters[:, node], self._parameters[:, node + 1]
         width = self._keys[node + 1] - self._keys[node]
-        room, low, high = _boxes(self._surface, start, stop)
-        speeds = self._table.over(self._table.speeds, low, high)
-        least, most = speeds.low, speeds.high
-        # Every point is within half the width of a node, so the curve cannot have left the box it was assumed in.
-        is_inside = (np.maximum(np.abs(least), np.abs(most)) * 0.51 * width <= room).all(axis=0)
-        least, most = np.where(is_inside, least, 0.0), np.where(is_inside, most, 0.0)
+        room, speeds, is_inside = self._kept_in(start, stop, width)
+        least, most = np.where(is_inside, speeds.low, 0.0), np.where(is_inside, speeds.high, 0.0)
         on = np.stack([left_mm + self._base[rows] - self._keys[node], right_mm + self._base[rows] - self._keys[node]])
         back = width - on
         low = np.maximum(
@@ -130,6 +136,23 @@ class PatchSlopes:
         slack = 1e-3 * room
         slope = self._table.over(self._table.slope, low - slack, high + slack)
         return np.where(is_inside, slope.low, -np.inf), np.where(is_inside, slope.high, np.inf)
+
+    def _kept_in(self, start: Array, stop: Array, width: Array) -> tuple[Array, Range, NDArray[np.bool_]]:
+        """Margins (2, k) of boxes from `start` to `stop`, the speeds in them, and whether no curve can leave them."""
+        room, low, high = _boxes(self._surface, start, stop)
+        speeds = self._table.over(self._table.speeds, low, high)
+        needed = _needed(speeds, width)
+        # On a patch much longer than wide a small share of both is too little across it: what the speeds ask for, then.
+        for _ in range(WIDENINGS):
+            tight = np.flatnonzero((needed > room).any(axis=0) & np.isfinite(needed).all(axis=0))
+            if not len(tight):
+                break
+            room[:, tight] = np.maximum(room[:, tight], SPARE * needed[:, tight])
+            low, high = np.minimum(start, stop)[:, tight], np.maximum(start, stop)[:, tight]
+            wider = self._table.over(self._table.speeds, low - room[:, tight], high + room[:, tight])
+            speeds.low[:, tight], speeds.high[:, tight] = wider.low, wider.high
+            needed[:, tight] = _needed(wider, width[tight])
+        return room, speeds, np.asarray((needed <= room).all(axis=0))
 
 
 class OwnSlopes:
