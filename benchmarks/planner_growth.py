@@ -24,7 +24,7 @@ from planner.surface.patch import NurbsPatch
 
 R_MM = 4.0
 PICTURE = Path(__file__).parents[1] / "docs/pictures/planner-growth.png"
-LENGTHS_MM = (300.0, 600.0, 1200.0, 2400.0)
+LENGTHS_MM = (300.0, 600.0, 1200.0, 2400.0, 4800.0, 9600.0)
 PASSES_OF_EACH_LENGTH = 20
 PASSES = (20, 40, 80, 160, 320)
 TOLERANCES_MM = 10.0 ** -np.arange(2.0, 4.6, 0.5)
