@@ -21,8 +21,8 @@ def lock_name(device: Path) -> str:
 class UucpLock:
     """A lock file with our process id; a dead owner's file is taken over."""
 
-    def __init__(self, device: Path, folder: Path = LOCK_FOLDER) -> None:
-        self._path = folder / lock_name(device)
+    def __init__(self, device: Path, folder: Path | None = None) -> None:
+        self._path = (folder or LOCK_FOLDER) / lock_name(device)
         self._is_ours = False
 
     def acquire(self) -> str | None:
