@@ -10,13 +10,18 @@ import asyncio
 import threading
 from typing import cast
 
-from pymodbus import pymodbus_apply_logging_config
+from pymodbus import ModbusDeviceIdentification, pymodbus_apply_logging_config
 from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from planner.errors import SettingsRejected
 from sim.panel import DISCRETE_INPUTS, INPUT_REGISTERS, Panel, discrete_inputs, input_registers
+
+_IDENTITY = ModbusDeviceIdentification(  # type: ignore[no-untyped-call]
+    info_name={"VendorName": "dripmill", "ProductCode": "SIMULATED", "ProductName": "virtual mill"}
+)
+"""Whoever reads the map can find out that no real machine stands behind it."""
 
 
 class ModbusEnd:
@@ -64,7 +69,7 @@ class ModbusEnd:
 
     async def _serve(self) -> None:
         try:
-            server = ModbusTcpServer(self._device(), address=(self.host, self.port))
+            server = ModbusTcpServer(self._device(), identity=_IDENTITY, address=(self.host, self.port))
             await server.serve_forever(background=True)
         except (OSError, RuntimeError) as problem:
             self._problem = str(problem)

@@ -154,6 +154,7 @@ class Console(App[None], inherit_bindings=False):
             machine_name=self.machine.name,
             job=job,
             machine=status,
+            is_machine_simulated=self.monitor.is_simulated,
             forecast=self._forecast_of(job),
             alarms=self.alarms.lines(),
             question=_QUESTIONS[self.question][1] if self.question else "",

@@ -19,6 +19,7 @@ class Known:
     machine_name: str = ""
     job: JobReading | None = None
     machine: MachineStatus | None = None
+    is_machine_simulated: bool = False
     forecast: Forecast | None = None
     alarms: tuple[AlarmLine, ...] = field(default_factory=tuple)
     question: str = ""

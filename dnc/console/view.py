@@ -70,9 +70,16 @@ def _title(known: Known, columns: int) -> Row:
 
 
 def _banner(known: Known, columns: int) -> Row:
-    if known.job is not None and known.job.snapshot.get("simulated"):
-        return row(Span(" SIMULATED: the virtual mill, no real machine ".center(columns, "="), Tone.SIMULATED))
-    return row()
+    is_job = known.job is not None and bool(known.job.snapshot.get("simulated"))
+    is_machine_seen = known.machine is not None and known.machine.is_available
+    if not (is_job or known.is_machine_simulated):
+        return row()
+    text = " SIMULATED: the virtual mill, no real machine "
+    if is_job and is_machine_seen and not known.is_machine_simulated:
+        text = " SIMULATED: the job, NOT the machine's values "
+    elif known.job is not None and not is_job:
+        text = " SIMULATED: the machine's values, NOT the job "
+    return row(Span(text.center(columns, "="), Tone.SIMULATED))
 
 
 def _progress(known: Known, columns: int) -> Row:

@@ -24,6 +24,9 @@ from dnc.status.ledger import Ledger, MachineStatus, Trust
 from dnc.status.registers import VIRTUAL_MILL, Place, Request, requests
 
 READ_FUNCTIONS = frozenset({1, 2, 3, 4})
+_IDENTIFY = b"\x2b\x0e"
+"""Read device identification: function 43, kind 14 (Modbus Application Protocol V1.1b3, 6.21)."""
+_PRODUCT_CODE = 1
 EXCEPTIONS = {1: "illegal function", 2: "illegal address", 3: "illegal value", 4: "device failure", 6: "device busy"}
 
 
@@ -50,6 +53,7 @@ class StatusMonitor:
     ) -> None:
         self.modbus = modbus
         self.schedule = schedule or Schedule()
+        self.is_simulated = False
         registers = modbus.register or VIRTUAL_MILL
         self.ledger = Ledger(registers, self.schedule.trust)
         self.requests = requests(registers.values())
@@ -69,7 +73,8 @@ class StatusMonitor:
             for name, reading in status.readings.items()
             if reading.read_s is not None
         }
-        return {"host": self.modbus.host, "port": self.modbus.port, **status.report(read_at)}
+        place = {"host": self.modbus.host, "port": self.modbus.port, "simulated": self.is_simulated}
+        return {**place, **status.report(read_at)}
 
     async def wait_for_poll(self, timeout_s: float) -> None:
         """Until the next poll has ended, well or not."""
@@ -112,9 +117,18 @@ class StatusMonitor:
             self.ledger.failed(f"nothing answers at {self.modbus.host}:{self.modbus.port}")
         return is_connected
 
+    async def _identify(self, client: AsyncModbusTcpClient) -> None:
+        """Find out whether the virtual mill answers."""
+        known: dict[int, bytes] = {}
+        with contextlib.suppress(ModbusException, OSError, TimeoutError):
+            answer = await client.read_device_information(device_id=self.modbus.device_id)
+            known = getattr(answer, "information", {})  # an exception has none
+        self.is_simulated = known.get(_PRODUCT_CODE) == b"SIMULATED"
+
     async def _poll_while_connected(self, client: AsyncModbusTcpClient) -> None:
         """Poll until the device is gone or silent; silence drops the connection, so no late answer can confuse."""
         due_s = self._monotonic()
+        is_asked = bool(self.modbus.register)  # a map of its own is a real device's: it is not troubled
         while client.connected:
             try:
                 image, refused = await self._read_all(client)
@@ -122,6 +136,9 @@ class StatusMonitor:
                 self.ledger.failed(f"no answer from {self.modbus.host}:{self.modbus.port} ({type(problem).__name__})")
                 return
             self.ledger.answered(image, refused, self._monotonic())
+            if not is_asked and self.status().value("map_version") is not None:
+                is_asked = True
+                await self._identify(client)
             self._polled.set()
             due_s = max(due_s + self.schedule.poll_s, self._monotonic())
             await asyncio.sleep(due_s - self._monotonic())
@@ -167,6 +184,6 @@ def modbus_of(modbus: Modbus, address: str | None) -> Modbus:
 
 def _reads_only(is_sending: bool, data: bytes) -> bytes:
     """The guard on the wire: no function code but reads leaves this process."""
-    if is_sending and (len(data) < 8 or data[7] not in READ_FUNCTIONS):
+    if is_sending and (len(data) < 8 or not (data[7] in READ_FUNCTIONS or data[7:9] == _IDENTIFY)):
         raise WriteRefused(f"refused to send Modbus function {data[7] if len(data) > 7 else '?'}")
     return data

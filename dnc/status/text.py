@@ -30,7 +30,9 @@ def status_lines(report: dict[str, Any]) -> list[str]:
     Where there is no value at all the head says why, once.
     """
     machine = report["machine"]
-    lines = [f"machine  {machine['availability']}  {machine['host']}:{machine['port']}  {machine['problem']}".rstrip()]
+    mark = "  SIMULATED" if machine["simulated"] else ""
+    place = f"{machine['host']}:{machine['port']}"
+    lines = [f"machine  {machine['availability']}{mark}  {place}  {machine['problem']}".rstrip()]
     has_values = any(reading["value"] is not None for reading in machine["values"].values())
     for name, reading in machine["values"].items() if has_values else ():
         age = "-" if reading["age_s"] is None else f"{reading['age_s']:.1f} s"

@@ -102,6 +102,25 @@ def test_simulated_is_a_banner_over_the_whole_width() -> None:
     assert Tone.SIMULATED not in tones(known())
 
 
+@pytest.mark.parametrize(
+    ("is_job", "is_machine", "says"),
+    [
+        (True, True, " SIMULATED: the virtual mill, no real machine "),
+        (True, False, " SIMULATED: the job, NOT the machine's values "),
+        (False, True, " SIMULATED: the machine's values, NOT the job "),
+    ],
+)
+def test_the_banner_says_which_half_is_simulated(*, is_job: bool, is_machine: bool, says: str) -> None:
+    """(2.2, O7) A real machine beside a rehearsal, or a rehearsal's values beside a real job, must not be mixed up."""
+    value = known(job=job(simulated=is_job), is_machine_simulated=is_machine)
+    assert says in shown(value).splitlines()[1]
+
+
+def test_the_virtual_mill_is_labelled_without_a_job() -> None:
+    """(2.2, O7)"""
+    assert "SIMULATED" in shown(known(job=None, is_machine_simulated=True)).splitlines()[1]
+
+
 def test_held_is_normal_and_quiet() -> None:
     """(2.2): held by the control is how drip-feed works, not a warning."""
     value = known(job=job(state="HELD"))

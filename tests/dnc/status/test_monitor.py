@@ -13,6 +13,7 @@ from dnc.profile import Modbus
 from dnc.status import monitor as monitor_module
 from dnc.status.ledger import MachineStatus, Quality
 from dnc.status.monitor import StatusMonitor, WriteRefused, modbus_of
+from dnc.status.registers import VIRTUAL_MILL
 from dnc.status.text import status_lines
 from sim.control import Execution, Mode
 from sim.endpoint_modbus import ModbusEnd
@@ -139,6 +140,32 @@ async def test_values_of_a_control_without_power_are_bad() -> None:
     async with watching(end.port) as monitor:
         await until(monitor, lambda status: status.readings["execution"].quality is Quality.BAD, 2.0)
         assert "device failure" in monitor.status().readings["execution"].problem
+    await asyncio.to_thread(end.stop)
+
+
+async def test_the_virtual_mill_is_known_for_what_it_is() -> None:
+    """(2.1, O7) Its values are labelled, whatever port the job is sent to."""
+    end = mill()
+    async with watching(end.port) as monitor:
+        assert not monitor.is_simulated
+        await until(monitor, lambda status: monitor.is_simulated, 2.0)
+        assert "SIMULATED" in status_lines({"machine": monitor.report(), "job": None})[0]
+    await asyncio.to_thread(end.stop)
+
+
+async def test_a_device_with_a_map_of_its_own_is_not_asked_what_it_is() -> None:
+    """(2.1) A real device gets the reads of its profile and nothing else."""
+    end = mill()
+    settings = Modbus(
+        port=end.port, register={"block": VIRTUAL_MILL["block"], "map_version": VIRTUAL_MILL["map_version"]}
+    )
+    monitor = StatusMonitor(settings)
+    task = asyncio.create_task(monitor.run())
+    await until(monitor, lambda status: status.value("block") == 120, 2.0)
+    await monitor.wait_for_poll(1.0)
+    assert not monitor.is_simulated
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
     await asyncio.to_thread(end.stop)
 
 
