@@ -29,7 +29,10 @@ class End(Enum):
 
     CODE = "a code of the tape"
     PERCENT = "the closing %"
+    LAST = "its last block"
     SILENCE = "silence"
+    OPEN = "silence behind a block that is no end of a program (M30, M2, M17, RET, %); make sure that it is whole"
+    UNCLOSED = "silence, with neither the closing % nor M30, M2, M17 or RET"
     CUT = "silence in the middle of a block"
     EVEN = "the control, with even parity in every character; receive it with --format 7E1"
     ODD = "the control, with odd parity in every character; receive it with --format 7O1"
@@ -39,7 +42,7 @@ class End(Enum):
     @property
     def is_whole(self) -> bool:
         """Whether the control can have said all it had to say."""
-        return self not in (End.CUT, End.EVEN, End.ODD, End.FULL, End.BREAK)
+        return self not in (End.CUT, End.UNCLOSED, End.EVEN, End.ODD, End.FULL, End.BREAK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +87,26 @@ class PunchIn:
         """The program that silence has ended, if any."""
         if now_s < self.next_wake_s:
             return []
-        last = re.split(rb"[\r\n]", self._data)[-1].strip()
-        return self._finished(End.SILENCE if not last or _LAST_BLOCK.search(last) else End.CUT)
+        if self._is_last_block():
+            return self._finished(End.SILENCE)
+        if not self._data.endswith((b"\r", b"\n")):
+            return self._finished(End.CUT)
+        return self._finished(End.UNCLOSED if self._is_open_tape() else End.OPEN)
 
     def break_off(self) -> list[Received]:
         """What has come of the program that is under way, if any: nobody listens any longer."""
-        return self._finished(End.BREAK)
+        is_ended = self._is_last_block() and not self._is_open_tape()
+        return self._finished(End.LAST if is_ended else End.BREAK)
+
+    def _is_last_block(self) -> bool:
+        """Whether the last thing that came can end a program."""
+        lines = re.split(rb"[\r\n]+", bytes(self._data[-_HEAD_BYTES:]).rstrip())
+        return _LAST_BLOCK.search(lines[-1].strip()) is not None
+
+    def _is_open_tape(self) -> bool:
+        """Whether a program begun by % alone still lacks the % that closes it."""
+        text = bytes(self._data).strip()
+        return text[:1] == b"%" and text[1:2] in (b"\r", b"\n") and not text.endswith((b"\n%", b"\r%"))
 
     def _is_closed(self) -> bool:
         """Whether a line of one % follows a program that began with %."""
@@ -100,7 +117,7 @@ class PunchIn:
     def _finished(self, end: End) -> list[Received]:
         data = bytes(self._data).lstrip(b"\r\n")
         self._data.clear()
-        end = (_with_parity(data) or end) if end.is_whole or end is End.CUT else end
+        end = (_with_parity(data) or end) if end.is_whole or end in (End.CUT, End.UNCLOSED) else end
         return [Received(program_name(data), data, end)] if data.strip(b"%\r\n \t") else []
 
 

@@ -29,14 +29,23 @@ class Stored:
     is_whole: bool
 
 
+@dataclass(frozen=True, slots=True)
+class Haul:
+    """All that came, and the signal that ended the listening, if one did."""
+
+    stored: list[Stored]
+    signal: int | None
+
+
 def receive(
     port: Port, punch_in: PunchIn, folder: Path, count: int, wait_s: float, say: Callable[[Stored], None]
-) -> list[Stored]:
+) -> Haul:
     """Listen for `count` programs (0: no limit), until nothing came for `wait_s` (0: for ever), or a signal.
 
     Whatever ends it, a lost port included, what came of a program that is under way is stored too.
     """
     stored: list[Stored] = []
+    signals: list[int] = []
 
     def keep(programs: list[Received]) -> None:
         for program in programs:
@@ -45,7 +54,8 @@ def receive(
 
     stop_read, stop_write = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
 
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
+    def on_signal(number: int, _frame: FrameType | None) -> None:
+        signals.append(number)
         os.write(stop_write, b"!")
 
     before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -69,7 +79,7 @@ def receive(
         os.close(stop_write)
         if not 0 < count <= len(stored):
             keep(punch_in.break_off())
-    return stored
+    return Haul(stored, signals[0] if signals else None)
 
 
 def put_away(program: Received, folder: Path) -> Stored:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 
 import click
@@ -43,11 +44,12 @@ def command(
 ) -> int:
     """Store what the control punches out, each program under its own name, nothing overwritten.
 
-    A program that broke off is kept with the ending .partial. Exit 5 then, and if fewer than --count programs came.
+    A program that broke off is kept with the ending .partial. Exit 5 then, and if fewer than --count programs came;
+    ended by Ctrl-C 7, by SIGTERM 143.
     """
     import dataclasses
 
-    from dnc.errors import LineFault
+    from dnc.errors import ExitCode, LineFault
     from dnc.punch_in import PunchIn
     from dnc.receiving import Stored, receive
     from dnc.sending import link_with, machine_profile, open_port
@@ -70,16 +72,23 @@ def command(
         if send_xon:
             opened.write(bytes([link.xon]))
         punch_in = PunchIn(silence_s, max_bytes, is_seven_bit=link.software_parity)
-        stored = receive(opened, punch_in, folder, count, wait_s, say)
+        haul = receive(opened, punch_in, folder, count, wait_s, say)
     finally:
         opened.close()
     if as_json:
-        rows = [{**dataclasses.asdict(one), "path": str(one.path)} for one in stored]
+        rows = [{**dataclasses.asdict(one), "path": str(one.path)} for one in haul.stored]
         report = {"schema": "dripmill.receive", "version": 1, "simulated": opened.is_simulated, "programs": rows}
         click.echo(json.dumps(report, indent=1))
-    broken = [one for one in stored if not one.is_whole]
+    broken = [one for one in haul.stored if not one.is_whole]
+    what = f"{broken[0].path} is not whole, ended by {broken[0].ended_by}; punch it out again" if broken else ""
+    if haul.signal is not None:
+        who = "the operator" if haul.signal == signal.SIGINT else "SIGTERM"
+        what = what or f"{len(haul.stored)} programs came, none was under way"
+        click.echo(f"dnc: {label}ended by {who}: {what}", err=True)
+        return int(ExitCode.ABORTED) if haul.signal == signal.SIGINT else 128 + signal.SIGTERM
     if broken:
-        raise LineFault(f"{broken[0].path} is not whole, ended by {broken[0].ended_by}; punch it out again")
-    if len(stored) < count:
-        raise LineFault(f"{len(stored)} of {count} programs came; check the punch-out setting at the control")
+        raise LineFault(label + what)
+    if len(haul.stored) < count:
+        came = f"{len(haul.stored)} of {count} programs came"
+        raise LineFault(f"{label}{came}; check the punch-out setting at the control")
     return 0

@@ -36,6 +36,8 @@ def fed(data: bytes, *, seven: bool = False) -> list[Received]:
         (b"%\nO77\nM30\n%", [(b"%\nO77\nM30\n%", End.SILENCE)]),
         (b"O77\nG0\nN20 M30", [(b"O77\nG0\nN20 M30", End.SILENCE)]),
         (b"O77\nG0\nN20 M3", [(b"O77\nG0\nN20 M3", End.CUT)]),
+        (b"N10 R1=5\n", [(b"N10 R1=5\n", End.OPEN)]),
+        (b"%\nO77\nN10 G1 X2\n", [(b"%\nO77\nN10 G1 X2\n", End.UNCLOSED)]),
         (b"\x11\x13\x11\0\0", []),
     ],
 )
@@ -62,6 +64,22 @@ def test_any_bytes_give_safe_names_and_no_codes(data: bytes) -> None:
         assert not set(one.data) & {0, 0x11, 0x12, 0x13, 0x14, 3, 4}
 
 
+@pytest.mark.parametrize(
+    ("data", "end"),
+    [
+        (b"O8\nM30\n", End.LAST),
+        (b"%_N_A_MPF\nG0\nM17\n", End.LAST),
+        (b"%\nO8\nM30\n", End.BREAK),
+        (b"O8\nG1 X1\n", End.BREAK),
+    ],
+)
+def test_where_a_program_stands_when_nobody_listens_any_longer(data: bytes, end: End) -> None:
+    """(5.7) Its last block is its end, unless a closing % is still to come."""
+    punch_in = PunchIn(5.0, 10_000)
+    assert punch_in.hear(data, 0.0) == []
+    assert [one.end for one in punch_in.break_off()] == [end]
+
+
 def test_size_limit_and_parity() -> None:
     assert fed(b"X" * 25_000)[0].end is End.FULL
     even = bytes(code | (code.bit_count() & 1) << 7 for code in b"\x12%\nO9\nM30\n%\n\x14")
@@ -74,7 +92,7 @@ def test_a_program_with_parity_bits_is_not_whole(odd: int, end: End) -> None:
     program = b"%_N_A_MPF\nN10 G1 X1 Y2 Z3\nN20 X4 Y5.25\nM30\n"
     sent = bytes(code | (code.bit_count() & 1 ^ odd) << 7 for code in program)
     assert [(one.end, one.end.is_whole) for one in fed(sent)] == [(end, False)]
-    assert [one.end for one in fed(program + b"(\xe4)\n")] == [End.SILENCE]
+    assert [one.end for one in fed(program.replace(b"M30", b"(\xe4)\nM30"))] == [End.SILENCE]
 
 
 @pytest.mark.parametrize(

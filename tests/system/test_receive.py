@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+
 from tests.helpers.schemas import validated
 
 WHOLE = b"%\r\nO1234 (PART)\r\nG1 X1\r\nM30\r\n%\r\n"
@@ -68,9 +70,26 @@ def test_a_program_cut_by_the_operator_is_kept_as_partial(tmp_path: Path) -> Non
         assert "O1234 stored" in punch.heard()
         punch.child.send_signal(signal.SIGINT)
         code, words = punch.finish()
-    assert code == 5
+    assert code == 7
     assert (tmp_path / "O77.partial").read_bytes() == BEGUN
+    assert words[-1].startswith("dnc: SIMULATED: ended by the operator: ")
     assert words[-1].endswith("O77.partial is not whole, ended by a break in the middle; punch it out again")
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 7), (signal.SIGTERM, 143)])
+def test_a_program_that_said_m30_is_whole_whoever_ends_the_listening(
+    number: signal.Signals, code: int, tmp_path: Path
+) -> None:
+    """(5.7) A Ctrl-C within --silence of the last block made a .partial of it; the codes are those of the table."""
+    with punching(tmp_path, "--json") as punch:
+        os.write(punch.end, WHOLE + b"O8\nG1 X1\nM30\n")
+        assert "O1234 stored" in punch.heard()
+        punch.child.send_signal(number)
+        ended, words = punch.finish()
+    assert ended == code
+    assert (tmp_path / "O8").read_bytes() == b"O8\nG1 X1\nM30\n"
+    assert "2 programs came" in words[-1]
+    assert [one["is_whole"] for one in validated(punch.printed)["programs"]] == [True, True]
 
 
 def test_a_program_cut_by_the_line_is_kept_as_partial(tmp_path: Path) -> None:
