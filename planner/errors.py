@@ -31,6 +31,8 @@ class UserError(Exception):
 class InputRejected(UserError):
     """A job, surface or program that cannot be used; the place is file, line and column where known.
 
+    `key` names the key of the job file that is to blame, where only who knows the file can tell its line.
+
     >>> str(InputRejected("scallop_mm is 0", path=Path("job.toml"), line=7, remedy="give a height above 0"))
     'job.toml:7: scallop_mm is 0; give a height above 0'
     """
@@ -45,8 +47,10 @@ class InputRejected(UserError):
         line: int | None = None,
         column: int | None = None,
         remedy: str = "",
+        key: tuple[str | int, ...] = (),
     ) -> None:
         self.what, self.path, self.line, self.column, self.remedy = what, path, line, column, remedy
+        self.key = key
         place = ":".join(str(part) for part in (path, line, column) if part is not None)
         sentence = f"{place}: {what}" if place else what
         super().__init__(f"{sentence}; {remedy}" if remedy else sentence)

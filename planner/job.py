@@ -115,15 +115,28 @@ def load_job(path: Path) -> Job:
         _reject(path, lines, ("setup", "safe_z_mm"), "safe_z_mm is below clearance_z_mm", "raise it")
     _check_box(job.setup, path, lines)
     for index, tool in enumerate(job.tool):
-        if any((one.number, one.edge) == (tool.number, tool.edge) for one in job.tool[:index]):
-            what = f"tool {tool.number} with edge {tool.edge} is described twice"
+        if any(one.number == tool.number for one in job.tool[:index]):
+            what = f"tool {tool.number} is described twice, and an operation names no edge"
             _reject(path, lines, ("tool", index), what, "keep one of them, or number them apart")
+        if tool.kind != "bull" and tool.corner_radius_mm is not None:
+            what = "corner_radius_mm goes with a bull-nose tool"
+            _reject(path, lines, ("tool", index, "corner_radius_mm"), what, 'leave it out, or write kind = "bull"')
         if tool.length_mm is not None and tool.length_mm <= tool.radius_mm:
             what = f"length_mm {tool.length_mm:g} is not above the tool's radius {tool.radius_mm:g}"
             _reject(path, lines, ("tool", index, "length_mm"), what, "give the length out of the holder")
     for index, operation in enumerate(job.operation):
         _check_operation(job, operation, ("operation", index), path, lines)
     return job
+
+
+def located(problem: InputRejected, path: Path) -> InputRejected:
+    """The same complaint with the line that its key has in this job file, or the table that lacks it."""
+    if problem.line is not None or not problem.key:
+        return problem
+    lines = tomlfile.key_lines(tomlfile.read_text(path))
+    heads = (problem.key[:count] for count in range(len(problem.key), 0, -1))
+    line = next((lines[head] for head in heads if head in lines), None)
+    return type(problem)(problem.what, path=path, line=line, remedy=problem.remedy)
 
 
 def _check_box(setup: Setup, path: Path, lines: dict[tomlfile.KeyPath, int]) -> None:

@@ -5,6 +5,7 @@ Nothing here reads a clock but for the planning time, and nothing writes a file.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ import msgspec
 import numpy as np
 
 from planner.errors import InputRejected
-from planner.job import Job, Operation, load_job
+from planner.job import Job, Operation, load_job, located
 from planner.path.gouge import tool_side
 from planner.path.model import Method, ToolPath
 from planner.path.moves import in_order
@@ -73,25 +74,23 @@ def plan_job(
     job = load_job(job_path)
     if post:
         job = msgspec.structs.replace(job, post=msgspec.structs.replace(job.post, **post))
-    operation = _only_operation(job, job_path)
-    patches = load_surface(job_path.parent / job.part.surface)
-    if len(patches) != 1:
-        what = f"{len(patches)} patches in one surface are not built yet"
-        raise InputRejected(what, path=job_path.parent / job.part.surface, remedy="plan each patch in its own file")
-    begin = time.perf_counter()
-    if travel_mm is not None:
-        check_part(patches[0], job.tool_of(operation).radius_mm, travel_mm, job_path)
-    layout = _laid(job, operation, patches[0], job_path)
-    tool_path, written = min(
-        (
-            (path, write_program(job, operation, path, control, lift_mm=lift_mm))
-            for path in _tool_paths(job, operation, layout, control)
-        ),
-        key=lambda made: len(made[1].data),
-    )
-    planning_s = time.perf_counter() - begin
-    if travel_mm is not None:
-        check_program(job, tool_path, travel_mm, job_path)
+    with _naming_lines(job_path, post or {}):
+        operation = _only_operation(job, job_path)
+        patch = _only_patch(job_path.parent / job.part.surface)
+        begin = time.perf_counter()
+        if travel_mm is not None:
+            check_part(patch, job.tool_of(operation).radius_mm, travel_mm, job_path)
+        layout = _laid(job, operation, patch, job_path)
+        tool_path, written = min(
+            (
+                (path, write_program(job, operation, path, control, lift_mm=lift_mm))
+                for path in _tool_paths(job, operation, layout, control)
+            ),
+            key=lambda made: len(made[1].data),
+        )
+        planning_s = time.perf_counter() - begin
+        if travel_mm is not None:
+            check_program(job, tool_path, travel_mm, job_path)
     report = plan_report(
         job, operation, tool_path, layout, written, line=line, rapid_mm_min=rapid_mm_min, planning_time_s=planning_s
     )
@@ -105,9 +104,29 @@ def plan_job(
     return Planned(written.data, written.sidecar, tool_path, report, warnings, job, layout)
 
 
+@contextlib.contextmanager
+def _naming_lines(job_path: Path, post: dict[str, str]) -> Iterator[None]:
+    """Complaints about a key of the job, raised where its file is not known, with file and line."""
+    try:
+        yield
+    except InputRejected as problem:
+        if problem.key in {("post", key) for key in post}:  # an option was to blame
+            raise
+        raise located(problem, job_path) from None
+
+
+def _only_patch(path: Path) -> NurbsPatch:
+    """The patch in this surface file; raises InputRejected where it holds several."""
+    patches = load_surface(path)
+    if len(patches) != 1:
+        what = f"{len(patches)} patches in one surface are not built yet"
+        raise InputRejected(what, path=path, remedy="plan each patch in its own file")
+    return patches[0]
+
+
 def _laid(job: Job, operation: Operation, patch: NurbsPatch, path: Path) -> Layout:
     """Traced curves of the operation."""
-    wishes = _wishes(job, operation, patch, path)
+    wishes = _wishes(job, operation, patch)
     accuracy_mm, reading_mm = 1e-4 * operation.path_mm, 1e-2 * operation.path_mm
     layout = lay_parallel(patch, wishes, accuracy_mm=accuracy_mm, reading_mm=reading_mm)
     _check_clearance(job, layout, path)
@@ -141,38 +160,36 @@ def scallop_target_mm(operation: Operation, radius_mm: float) -> float | None:
     target = operation.scallop_mm - operation.path_mm * radius_mm / (radius_mm - operation.scallop_mm)
     if target <= 0:
         what = f"scallop_mm {operation.scallop_mm:g} leaves nothing beside path_mm {operation.path_mm:g}"
-        raise InputRejected(what, remedy="lower path_mm or raise scallop_mm")
+        raise InputRejected(what, remedy="lower path_mm or raise scallop_mm", key=("operation", 0, "path_mm"))
     return target
 
 
 def _only_operation(job: Job, path: Path) -> Operation:
     """The job's operation, if this planner has what it asks for."""
 
-    def refuse(what: str, remedy: str) -> InputRejected:
-        return InputRejected(f"{what} is not built yet", path=path, remedy=remedy)
+    def refuse(what: str, remedy: str, *key: str | int) -> InputRejected:
+        return InputRejected(f"{what} is not built yet", path=path, remedy=remedy, key=key)
 
     if len(job.operation) > 1:
-        raise refuse("more than one operation in a job", "plan each operation as a job of its own")
+        raise refuse("more than one operation in a job", "plan each operation as a job of its own", "operation", 1)
     operation = job.operation[0]
     if operation.path_mm < FINEST_PATH_MM:
         what = f"path_mm {operation.path_mm:g} is finer than {FINEST_PATH_MM:g}, which doubles hold over a part"
-        raise InputRejected(what, path=path, remedy="give a tolerance such as 0.001")
-    if job.tool_of(operation).kind != "ball":
-        raise refuse(f"a {job.tool_of(operation).kind} tool", "use a ball-end tool")
+        raise InputRejected(what, path=path, remedy="give a tolerance such as 0.001", key=("operation", 0, "path_mm"))
+    tool = job.tool_of(operation)
+    if tool.kind != "ball":
+        raise refuse(f"a {tool.kind} tool", "use a ball-end tool", "tool", job.tool.index(tool), "kind")
     if operation.strategy != "parallel":
-        raise refuse(f'strategy "{operation.strategy}"', 'use "parallel"')
+        raise refuse(f'strategy "{operation.strategy}"', 'use "parallel"', "operation", 0, "strategy")
     if operation.boundary:
-        raise refuse("boundary", "leave it empty")
+        raise refuse("boundary", "leave it empty", "operation", 0, "boundary")
     return operation
 
 
-def _wishes(job: Job, operation: Operation, patch: NurbsPatch, path: Path) -> Wishes:
+def _wishes(job: Job, operation: Operation, patch: NurbsPatch) -> Wishes:
     """What the strategy is asked for; the angle is chosen here where the job leaves it open."""
     radius_mm = job.tool_of(operation).radius_mm
-    try:
-        scallop_mm = scallop_target_mm(operation, radius_mm)
-    except InputRejected as problem:
-        raise InputRejected(problem.what, path=path, remedy=problem.remedy) from None
+    scallop_mm = scallop_target_mm(operation, radius_mm)
     if operation.angle_deg == "auto":
         angle_rad = best_angle_rad(patch, tool_side(survey(patch)), radius_mm, scallop_mm)
     else:
@@ -190,7 +207,8 @@ def _check_clearance(job: Job, layout: Layout, path: Path) -> None:
     if job.setup.clearance_z_mm <= top_mm:
         asked = f"clearance_z_mm {job.setup.clearance_z_mm:g}"
         what = f"{asked} is not above {surface.patch.name}, which reaches Z{top_mm:.3f}"
-        raise InputRejected(what, path=path, remedy="give clearance_z_mm and safe_z_mm above the part and its clamps")
+        remedy = "give clearance_z_mm and safe_z_mm above the part and its clamps"
+        raise InputRejected(what, path=path, remedy=remedy, key=("setup", "clearance_z_mm"))
 
 
 def _warnings(operation: Operation, report: dict[str, Any], line: tuple[int, float]) -> list[str]:

@@ -113,7 +113,8 @@ def _links_within(curves: Sequence[TracedCurve], kind: Kind, tolerance_mm: float
         aims_mm[rows] *= 0.98
     name = "arcs" if kind == "arcs" else "straight moves"
     what = f"{name} do not reach {tolerance_mm:g} mm at {curves[rows[0]].plane.offset_mm:.3f} mm"
-    raise InputRejected(what, remedy='raise path_mm, or write splines (blocks = "auto" at a control that reads them)')
+    remedy = 'raise path_mm, or write splines (blocks = "auto" at a control that reads them)'
+    raise InputRejected(what, remedy=remedy, key=("operation", 0, "path_mm"))
 
 
 def _links_of(
@@ -129,7 +130,7 @@ def _paper_pass(curve: TracedCurve, tolerance_mm: float, radius_mm: float, table
     found = paper_spline_within(curve, tolerance_mm, radius_mm, table)
     if found is None:
         what = f"the paper's rule does not reach {tolerance_mm:g} mm at {curve.plane.offset_mm:.3f} mm"
-        raise InputRejected(what, remedy='use fit = "free"')
+        raise InputRejected(what, remedy='use fit = "free"', key=("operation", 0, "fit"))
     fit, break_points = found
     return Pass(curve.plane, fit.spline, fit.deviation_mm, fit.method, break_points, curve.length_mm)
 

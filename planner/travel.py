@@ -41,4 +41,4 @@ def check_program(job: Job, tool_path: ToolPath, travel_mm: Travel, path: Path) 
         if span_mm > most_mm:
             what = f"the program reaches over {span_mm:.4g} mm along {axis}, the machine over {most_mm:g}"
             remedy = "lower safe_z_mm and clearance_z_mm" if axis == "Z" else "cut the part in pieces"
-            raise InputRejected(what, path=path, remedy=remedy)
+            raise InputRejected(what, path=path, remedy=remedy, key=("setup", "safe_z_mm") if axis == "Z" else ())

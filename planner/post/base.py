@@ -20,4 +20,6 @@ def write_program(
         raise InputRejected("the tool path has no pass", remedy="check that the passes meet the part")
     if job.post.control == "sinumerik-840d":
         return write_sinumerik(job, operation, tool_path, control, lift_mm=lift_mm)
-    raise InputRejected(f"post.control {job.post.control} is not built yet", remedy='use "sinumerik-840d"')
+    raise InputRejected(
+        f"post.control {job.post.control} is not built yet", remedy='use "sinumerik-840d"', key=("post", "control")
+    )

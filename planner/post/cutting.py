@@ -45,6 +45,7 @@ def _texts(job: Job, path_mm: float, tool_path: ToolPath, control: ControlLimits
         raise InputRejected(
             f'post.blocks "{job.post.blocks}" cannot be written for {job.post.control}',
             remedy='use "auto", "poly", "bspline", "arcs" or "linear"',
+            key=("post", "blocks"),
         )
     if job.post.blocks == "bspline":
         return _bsplines(tool_path, drop_z_mm, budgets_mm, fine, most, control)

@@ -115,7 +115,9 @@ def work_offset(code: str) -> str:
     """The settable offset as the control knows it, G54 to G57 or G505 to G599; raises InputRejected."""
     if not re.fullmatch(r"G(5[4-7]|50[5-9]|5[1-9]\d)", code):
         raise InputRejected(
-            f"setup.work_offset {code!r} is no offset of a SINUMERIK", remedy="use G54 to G57 or G505 to G599"
+            f"setup.work_offset {code!r} is no offset of a SINUMERIK",
+            remedy="use G54 to G57 or G505 to G599",
+            key=("setup", "work_offset"),
         )
     return code
 
@@ -127,6 +129,7 @@ def program_name(name: str) -> str:
         raise InputRejected(
             f"post.name {name!r} is no SINUMERIK program name",
             remedy=f"use at most {_LONGEST_NAME - len('_N_')} letters, digits and underscores",
+            key=("post", "name"),
         )
     return upper
 

@@ -73,7 +73,12 @@ def test_thesis_job_loads() -> None:
         (
             "[[operation]]",
             '[[tool]]\nnumber = 2\nkind = "ball"\ndiameter_mm = 2.0\n[[operation]]',
-            "job.toml:19: tool 2 with edge 1 is described twice; ",
+            "job.toml:19: tool 2 is described twice, and an operation names no edge; ",
+        ),
+        (
+            'kind = "ball"',
+            'kind = "ball"\ncorner_radius_mm = 1.0',
+            "job.toml:15: corner_radius_mm goes with a bull-nose tool; leave it out, ",
         ),
         ("safe_z_mm = 50.0", "safe_z_mm = 1e308", "job.toml:10: setup.safe_z_mm: is out of range; write a number <="),
         ("length_mm = 60.0", "length_mm = true", "tool.0.length_mm: is true or false; write a number"),
