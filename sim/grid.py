@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,14 +45,7 @@ def net_of(patch: NominalPatch, pitch_mm: float) -> Net:
 
     Raises InputRejected for more probes than fit into memory.
     """
-    (u0, u1), (v0, v1) = patch.domain
-    frames = patch.grid_frames(np.linspace(u0, u1, 65), np.linspace(v0, v1, 65))
-    speed_u = np.linalg.norm(frames.along_u, axis=1).reshape(65, 65).max(axis=1)
-    speed_v = np.linalg.norm(frames.along_v, axis=1).reshape(65, 65).max(axis=0)
-    u, v = _nodes(u0, u1, speed_u, pitch_mm), _nodes(v0, v1, speed_v, pitch_mm)
-    if len(u) * len(v) > MOST_PROBES:
-        what = f"a probe pitch of {pitch_mm:g} mm takes {len(u) * len(v):,} probes, and {MOST_PROBES:,} are the most"
-        raise InputRejected(what, remedy="give a larger pitch")
+    u, v = _divided(patch, pitch_mm)
     fine = patch.grid_frames(u, v)
     shape = (len(u), len(v))
     weights = np.outer(_widths(u), _widths(v))
@@ -65,6 +59,25 @@ def net_of(patch: NominalPatch, pitch_mm: float) -> Net:
         fine.areas.reshape(shape) * weights,
         fine,
     )
+
+
+def check_pitch(patches: Iterable[NominalPatch], pitch_mm: float) -> None:
+    """Raises InputRejected, as `net_of` does, before anything is cut that could not be measured then."""
+    for patch in patches:
+        _divided(patch, pitch_mm)
+
+
+def _divided(patch: NominalPatch, pitch_mm: float) -> tuple[Floats, Floats]:
+    """Nodes along u and v."""
+    (u0, u1), (v0, v1) = patch.domain
+    frames = patch.grid_frames(np.linspace(u0, u1, 65), np.linspace(v0, v1, 65))
+    speed_u = np.linalg.norm(frames.along_u, axis=1).reshape(65, 65).max(axis=1)
+    speed_v = np.linalg.norm(frames.along_v, axis=1).reshape(65, 65).max(axis=0)
+    u, v = _nodes(u0, u1, speed_u, pitch_mm), _nodes(v0, v1, speed_v, pitch_mm)
+    if len(u) * len(v) > MOST_PROBES:
+        what = f"a probe pitch of {pitch_mm:g} mm takes {len(u) * len(v):,} probes, and {MOST_PROBES:,} are the most"
+        raise InputRejected(what, remedy="give a larger pitch")
+    return u, v
 
 
 def _nodes(begin: float, end: float, speed: Floats, pitch_mm: float) -> Floats:

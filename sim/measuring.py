@@ -23,6 +23,8 @@ from sim.nominal import Nominal
 from sim.nominal_patch import NominalPatch
 
 Floats = NDArray[np.float64]
+_LARGEST_MM = 100_000.0
+"""As for the control points of a surface."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +124,7 @@ def _number(text: str | None, name: str, path: Path, line: int) -> float:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
+    if not abs(value) <= _LARGEST_MM:
         raise InputRejected(f"{name} is {text!r}", path=path, line=line, remedy="give a number in mm")
     return value
 

@@ -6,16 +6,17 @@ from pathlib import Path
 
 import click
 
+from dnc.cli._options import Format, machine_option
 from dnc.numbers import Number
 
 
 @click.command(epilog="Example: dnc mill --speed 100 --link /tmp/mill --nominal thesis.toml --report mill.json")
-@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
+@machine_option
 @click.option("--link", type=click.Path(path_type=Path), help="symbolic link to its pseudo-terminal")
 @click.option("--modbus", metavar="HOST:PORT", help="serve status there; port 0: any free one")
 @click.option("--speed", type=Number(0.001, 100_000), default=1.0, help="of machine and line together")
 @click.option("--baud", type=click.IntRange(50, 4_000_000), help="of the line at speed 1, in place of the profile's")
-@click.option("--format", "form", help="of the line, in place of the profile's, such as 8N1 or 7E2")
+@click.option("--format", "form", type=Format(), help="of the line, in place of the profile's, such as 8N1 or 7E2")
 @click.option("--seed", type=int, default=1, show_default=True, help="of everything random")
 @click.option("--fault", "faults", multiple=True, metavar="NAME=VALUE", help="what goes wrong; a wrong name lists them")
 @click.option("--nominal", type=click.Path(path_type=Path), help="job file: measure against its design; tool radii")
@@ -54,6 +55,8 @@ def command(
     from dnc.sending import link_with
     from planner.job import load_job
     from sim.faults import parse_faults
+    from sim.grid import check_pitch
+    from sim.nominal import load_nominal
     from sim.process import Wishes, run_mill
     from sim.profile import load_mill_profile
     from sim.setup import Setup
@@ -62,6 +65,8 @@ def command(
         raise click.UsageError("--plot needs the design surface; name the job file with --nominal")
     if programs is not None and not programs.is_dir():
         raise click.UsageError(f"--programs {programs}: is no folder")
+    if nominal is not None:
+        check_pitch(load_nominal(nominal).patches, probe_pitch_mm)
     path = profile_path(machine)
     profile = load_mill_profile(path)
     sending_side = load_profile(path)

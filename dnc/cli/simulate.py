@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from dnc.cli._options import machine_option
 from dnc.numbers import Number
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ _PATH = click.Path(path_type=Path)
 
 @click.command(epilog="Example: dnc simulate part.mpf --job job.toml --report cut.json --plot cut.png")
 @click.argument("program", type=_PATH)
-@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
+@machine_option
 @click.option("--job", type=_PATH, help="job file: design surface and tool; without it nothing is measured")
 @click.option("--pitch", "pitch_mm", type=Number(0.001, 1000), help="probe pitch in mm; R/40 unless given")
 @click.option("--motion", type=_PATH, help="write the motion log (CSV, tool tip)")
@@ -46,23 +47,26 @@ def command(
     """
     import json
 
-    from dnc.errors import ExitCode, InputRejected
+    from dnc.errors import ExitCode
     from dnc.profile import profile_path
     from dnc.progress import working
     from planner.files import check_outputs, read_program, write_file
     from planner.job import load_job
+    from sim.grid import check_pitch
     from sim.mill import rehearse
     from sim.nominal import load_nominal
     from sim.profile import load_mill_profile
 
     if job is None and (plot or deviation_map or view):
-        raise InputRejected("--plot, --map and --view need the design", remedy="name the job file with --job")
+        raise click.UsageError("--plot, --map and --view need the design; name the job file with --job")
     check_outputs([motion, report, plot, deviation_map, view], [program, job])
     if plot is not None:
         from sim.plot import require_drawing
 
         require_drawing()
     nominal = load_nominal(job) if job is not None else None
+    if nominal is not None:
+        check_pitch(nominal.patches, _pitch_mm(nominal, pitch_mm))
     data = read_program(program)
     with working(f"cutting {program.name}" + ("" if job is None else " and measuring it")):
         recording = rehearse(
@@ -94,8 +98,12 @@ def _verdict(nominal: Nominal, recording: Recording, pitch_mm: float | None) -> 
         tool_of(nominal.cutter),
         recording.travelled,
         reference=nominal.reference,
-        probe_pitch_mm=nominal.cutter.radius_mm / 40 if pitch_mm is None else pitch_mm,
+        probe_pitch_mm=_pitch_mm(nominal, pitch_mm),
     )
+
+
+def _pitch_mm(nominal: Nominal, asked_mm: float | None) -> float:
+    return nominal.cutter.radius_mm / 40 if asked_mm is None else asked_mm
 
 
 def _draw(verdict: Verdict, plot: Path | None, deviation_map: Path | None) -> None:

@@ -44,6 +44,7 @@ def test_points_with_y_are_found_on_the_design(tmp_path: Path) -> None:
         ("x_mm,z_mm\n1,2\n", "neither y_mm nor z_design_mm"),
         ("x_mm,y_mm,z_mm\n", "no points"),
         ("x_mm,y_mm,z_mm\n1,2,nan\n", "points.csv:2: z_mm is 'nan'"),
+        ("x_mm,y_mm,z_mm\n1,2,1e308\n", "points.csv:2: z_mm is '1e308'; give a number in mm"),
         ("x_mm,y_mm,z_mm\n1,2\n", "points.csv:2: has 2 columns where 3 are named"),
         ("x_mm,y_mm,z_mm\n1,2," + 200_000 * "3", "points.csv:2: is no table: field larger than field limit"),
         ("", "points.csv: is empty; name a table of points"),

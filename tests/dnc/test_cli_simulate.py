@@ -102,7 +102,7 @@ def test_a_program_that_cannot_be_read_is_one_sentence(
 
 def test_a_picture_needs_the_design(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """(2.7) --plot without --job is refused before anything is simulated."""
-    assert run_with(["simulate", str(tmp_path / "part.mpf"), "--plot", "map.png"]) == 3
+    assert run_with(["simulate", str(tmp_path / "part.mpf"), "--plot", "map.png"]) == 2
     assert "--job" in capsys.readouterr().err
 
 
