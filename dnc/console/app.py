@@ -6,6 +6,7 @@ It owns neither the port nor the job: killing it changes nothing at the machine.
 from __future__ import annotations
 
 import asyncio
+import signal
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -93,7 +94,8 @@ class Console(App[None], inherit_bindings=False):
         yield self._shown
 
     async def on_mount(self) -> None:
-        """Begin to watch."""
+        """Begin to watch. SIGTERM leaves like a key does, with the terminal as it was."""
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, self.exit, None, 128 + signal.SIGTERM)
         self._tasks = [asyncio.create_task(self.monitor.run()), asyncio.create_task(self.watcher.run())]
         self.set_interval(self._redraw_s, self.redraw_face)
         self.redraw_face()

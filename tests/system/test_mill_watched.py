@@ -9,6 +9,7 @@ import select
 import signal
 import subprocess
 import sys
+import termios
 import time
 from pathlib import Path
 
@@ -71,6 +72,23 @@ def test_a_killed_console_leaves_the_job_alone_and_status_reads_both(tmp_path: P
     assert status["machine"]["values"]["execution"]["value"] in ("ACTIVE", "PROGRAM_COMPLETED")
     assert status["job"]["snapshot"]["simulated"] is True
     assert json.loads((tmp_path / "s.json").read_text())["sha256"] == mill.report["sha256"]
+
+
+def test_a_console_that_is_ended_gives_the_terminal_back(tmp_path: Path) -> None:
+    """(2.2, O2) SIGTERM left the terminal raw and on its other screen."""
+    env = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path), "XDG_STATE_HOME": str(tmp_path), "TERM": "xterm"}
+    master, slave = pty.openpty()
+    before = termios.tcgetattr(slave)
+    words = [sys.executable, "-m", "dnc", "console", "--modbus", "127.0.0.1:1"]
+    with subprocess.Popen(words, env=env, stdin=slave, stdout=slave, stderr=slave) as console:
+        seen(master, b"F10 leave", 60.0)
+        assert termios.tcgetattr(slave) != before
+        console.send_signal(signal.SIGTERM)
+        seen(master, b"\x1b[?1049l", 20.0)
+    assert console.returncode == 128 + signal.SIGTERM
+    assert termios.tcgetattr(slave) == before
+    os.close(slave)
+    os.close(master)
 
 
 def test_status_without_a_machine_says_so_and_exits_with_10(tmp_path: Path) -> None:
