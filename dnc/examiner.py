@@ -18,7 +18,7 @@ import msgspec
 from dnc.events import Alarm, Event, JobState, StateChanged
 from dnc.job import Job
 from dnc.names import JobNames, new_job_id
-from dnc.places import state_folder
+from dnc.places import made_state_folder
 from dnc.port import Port
 from dnc.profile import Control, MachineProfile, Tape
 from dnc.sender import Sender
@@ -127,7 +127,7 @@ def examine(
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "test-handshake.mpf"
         program.write_bytes(to_and_fro(profile.control))
-        tape = load_tape(program, Tape(), state_folder() / "spool", profile.link.data_bits)
+        tape = load_tape(program, Tape(), made_state_folder() / "spool", profile.link.data_bits)
     silent = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, hold_timeout_s=0.0))
     job = Job(tape, port, silent, JobNames(new_job_id(), "test-handshake", machine), [tell])
     try:

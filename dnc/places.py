@@ -5,10 +5,23 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from planner.errors import SettingsRejected
+
 
 def state_folder() -> Path:
     """`$XDG_STATE_HOME/dnc`, by default ~/.local/state/dnc."""
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local/state") / "dnc"
+
+
+def made_state_folder() -> Path:
+    """The same, made where it is missing; raises SettingsRejected where it cannot be made."""
+    folder = state_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        what = f"{folder}: the folder for journal and records cannot be made: {problem.strerror}"
+        raise SettingsRejected(what, remedy="set XDG_STATE_HOME to a folder of yours") from None
+    return folder
 
 
 def runtime_folder() -> Path:
@@ -28,7 +41,7 @@ def system_config_folder() -> Path:
 
 
 def user_machines() -> Path:
-    """Where the user's own machine profiles lie; one of the same name as a shipped one goes before it."""
+    """Where the user's own machine profiles lie; a shipped one of the same name goes before them."""
     return config_folder() / "machines"
 
 

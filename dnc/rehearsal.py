@@ -9,6 +9,7 @@ import contextlib
 import json
 import os
 import select
+import signal
 import subprocess
 import sys
 import tempfile
@@ -16,6 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from dnc.errors import ExitCode, PortUnavailable
@@ -47,6 +49,22 @@ class Rehearsal:
         self._child, self._report, self._speed = child, report, speed
         ready = _first_line(child)
         self.pty, self.baud = str(ready["pty"]), round(float(ready["effective_baud"]))
+
+    @contextlib.contextmanager
+    def ended_by_signals(self) -> Iterator[list[int]]:
+        """Inside, SIGINT and SIGTERM end the mill and nothing else; yields the list of those that came."""
+        heard: list[int] = []
+
+        def on_signal(number: int, _frame: FrameType | None) -> None:
+            heard.append(number)
+            self._child.terminate()
+
+        before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield heard
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
     def ending(self, machining_s: float, say: Callable[[str], None]) -> tuple[ExitCode, str]:
         """Wait until the mill has cut what it was sent; the exit code and what it found, as the end of a sentence.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import signal
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -18,9 +19,9 @@ import msgspec
 from dnc.aftermath import refuse_dirty_control
 from dnc.errors import ExitCode, InputRejected, SettingsRejected
 from dnc.hooks import hooks_of
-from dnc.job import Finished, Job, pace_of
+from dnc.job import SIGTERM_EXIT, Finished, Job, pace_of
 from dnc.names import JobNames, new_job_id
-from dnc.places import state_folder
+from dnc.places import made_state_folder, state_folder
 from dnc.port import Port, SerialPort
 from dnc.profile import Link, MachineProfile, load_profile, profile_path
 from dnc.progress import Ticker, event_lines, job_line, tell, working
@@ -120,7 +121,7 @@ def _restarted(tape: Tape, profile: MachineProfile, wishes: Wishes, job: Planned
 
 
 def _load(program: Path, profile: MachineProfile) -> Tape:
-    return load_tape(program, profile.tape, state_folder() / "spool", profile.link.data_bits)
+    return load_tape(program, profile.tape, made_state_folder() / "spool", profile.link.data_bits)
 
 
 def machine_profile(machine: str) -> MachineProfile:
@@ -134,11 +135,6 @@ def link_with(link: Link, given: Mapping[str, object]) -> Link:
     try:
         changed = msgspec.convert(values, Link)
     except msgspec.ValidationError as problem:
-        if str(problem).endswith("$.format`"):
-            raise SettingsRejected(
-                f"format {values['format']} is none of the line",
-                remedy="write 5 to 8 data bits, parity N, E, O, M or S, stop bits 1, 1.5 or 2, such as 8N1",
-            ) from None
         raise SettingsRejected(str(problem).replace(" - at `$.", ": ").rstrip("`"), remedy="mend the option") from None
     if changed.format.endswith("1.5") and not changed.format.startswith("5"):
         raise SettingsRejected(
@@ -233,13 +229,18 @@ def _port(wishes: Wishes, profile: MachineProfile) -> Iterator[tuple[Port, Machi
 
 def _rehearsed(finished: Finished, mill: Rehearsal, tape: Tape, wishes: Wishes, job: PlannedJob | None) -> Finished:
     """How the rehearsal ended, once the mill has cut what it was sent."""
-    from dnc.planning import machining_clock
+    code: int
+    with mill.ended_by_signals() as heard:
+        from dnc.planning import machining_clock
 
-    radii_mm = None if job is None else job.tool_radii_mm
-    clock = machining_clock(profile_path(wishes.machine), wishes.program.absolute().parent, radii_mm)
-    machining_s = clock(tape.peek(0, tape.size_bytes))
-    with working("SIMULATED: the virtual mill is cutting"):
-        code, found = mill.ending(machining_s, lambda text: tell(f"SIMULATED: {text}"))
+        radii_mm = None if job is None else job.tool_radii_mm
+        clock = machining_clock(profile_path(wishes.machine), wishes.program.absolute().parent, radii_mm)
+        machining_s = clock(tape.peek(0, tape.size_bytes))
+        with working("SIMULATED: the virtual mill is cutting"):
+            code, found = mill.ending(machining_s, lambda text: tell(f"SIMULATED: {text}"))
+    if heard:
+        who, ended = ("the operator", int(ExitCode.ABORTED)) if heard[0] == signal.SIGINT else ("SIGTERM", SIGTERM_EXIT)
+        code, found = ended, f"{who} ended the rehearsal before the mill had cut them"
     sentence = f"sent {finished.report['bytes_sent']} bytes; {found}"
     return replace(finished, report={**finished.report, "exit_code": int(code)}, exit_code=int(code), sentence=sentence)
 

@@ -130,6 +130,26 @@ def test_a_dry_run_tells_what_the_mill_found_in_its_buffer(tmp_path: Path) -> No
     assert '"exit_code": 6' in (tmp_path / "report.json").read_text()
 
 
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 7), (signal.SIGTERM, 143)])
+def test_a_rehearsal_ended_behind_its_last_byte_still_reports(
+    number: signal.Signals, code: int, tmp_path: Path
+) -> None:
+    """(1.3, O1) The mill is still cutting: the report was lost, and Ctrl-C ended with 130."""
+    program, report = tmp_path / "part.mpf", tmp_path / "report.json"
+    program.write_bytes(b"G90 G64 G1 F100\n" + b"N1 X100\nN2 X0\n" * 3 + b"M30\n")
+    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path), "XDG_RUNTIME_DIR": str(runtime_of(tmp_path))}
+    command = [sys.executable, "-m", "dnc", "send", str(program), "--dry-run", "--report", str(report)]
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as sender:
+        assert sender.stderr is not None
+        while "Ctrl-C ends the rehearsal" not in (line := sender.stderr.readline()):
+            assert line, "it ended without a word"
+        sender.send_signal(number)
+        words = sender.stderr.read()
+    assert sender.returncode == code, words
+    assert "ended the rehearsal before the mill had cut them" in words
+    assert validated(report.read_text())["exit_code"] == code
+
+
 def test_a_killed_sender_leaves_no_mill_behind(tmp_path: Path) -> None:
     """(1.3) kill -9 in the middle of a rehearsal: the mill and its control end with the sender."""
     program = tmp_path / "part.mpf"
