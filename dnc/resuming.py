@@ -221,11 +221,8 @@ def _restarted(past: PastJob) -> str | None:
 def _last_point_before(points: Sequence[Point], line: int, program: Path) -> int:
     before = [point.line for point in points if point.line <= line]
     if not before:
-        raise InputRejected(
-            f"line {line} is in doubt and no restart point lies before it",
-            path=program,
-            remedy="send it from its start",
-        )
+        what = f"line {line} is in doubt and no restart point lies before it"
+        raise JournalMismatch(f"{program}: {what}; send it from its start")
     return max(before)
 
 

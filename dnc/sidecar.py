@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from dnc.errors import SettingsRejected
+from dnc.errors import JournalMismatch
 
 
 class State(msgspec.Struct, frozen=True):
@@ -36,14 +36,14 @@ class Sidecar(msgspec.Struct, frozen=True):
 
 
 def load_sidecar(program: Path) -> Sidecar:
-    """The sidecar beside a program; raises SettingsRejected where there is none or it cannot be read."""
+    """The sidecar beside a program; raises JournalMismatch where there is none or it cannot be read."""
     path = program.with_name(program.name + ".json")
     again = "plan the program again, or send it from its start"
     try:
         return msgspec.json.decode(path.read_bytes(), type=Sidecar)
     except OSError:
         what = "a restart needs the planner's sidecar (heights, restart points)"
-        raise SettingsRejected(what, path=path, remedy=again) from None
+        raise JournalMismatch(f"{path}: {what}; {again}") from None
     except (msgspec.DecodeError, UnicodeDecodeError) as problem:
         what = f"the planner's sidecar cannot be read: {problem}"
-        raise SettingsRejected(what, path=path, remedy=again) from None
+        raise JournalMismatch(f"{path}: {what}; {again}") from None

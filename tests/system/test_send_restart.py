@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from dnc.record import append_record
 from tests.helpers.line import PeerProcess, SendProcess
 from tests.helpers.sending import wait_for_state
 
@@ -228,6 +229,25 @@ def test_another_program_cannot_be_resumed(tmp_path: Path) -> None:
         assert peer.stop()["bytes_received"] == 0
 
 
+@pytest.mark.parametrize(
+    ("missing", "words"),
+    [("sidecar", "a restart needs the planner's sidecar"), ("point", "no restart point lies before it")],
+)
+def test_a_job_that_cannot_be_resumed_is_exit_9(missing: str, words: str, tmp_path: Path) -> None:
+    """(Interface, section 6) Neither the profile nor the program is at fault."""
+    program, beside = planned(tmp_path), tmp_path / "part.mpf.json"
+    record: dict[str, object] = {"job": "1", "outcome": "ABORTED", "in_doubt": [2, 3]}
+    record["program_sha256"] = hashlib.sha256(program.read_bytes()).hexdigest()
+    if missing == "sidecar":
+        beside.unlink()
+    append_record(tmp_path / "state/dnc", record)
+    with PeerProcess() as peer, SendProcess(tmp_path, program, peer.pty, "--resume", "--yes") as sending:
+        code, said = sending.finish()
+        assert peer.stop()["bytes_received"] == 0
+    assert code == 9
+    assert words in said
+
+
 def test_check_first_stops_a_bad_program(tmp_path: Path) -> None:
     """Errors of the check stop the job; --yes does not skip them."""
     program = tmp_path / "bad.mpf"
@@ -265,7 +285,7 @@ def test_a_sidecar_that_lacks_something_is_told(tmp_path: Path) -> None:
     with PeerProcess() as peer, SendProcess(tmp_path, program, peer.pty, "--start-at", "N3", "--yes") as sending:
         code, words = sending.finish()
         assert peer.stop()["bytes_received"] == 0
-    assert code == 8
+    assert code == 9
     assert "sidecar cannot be read" in words
 
 
@@ -285,7 +305,6 @@ def test_check_first_finds_a_missing_end(tmp_path: Path) -> None:
 def test_resume_refuses_another_adapter(tmp_path: Path) -> None:
     """(fault A3) Real ports only: the same name, another serial number."""
     from dnc.errors import PortUnavailable
-    from dnc.record import append_record
     from dnc.restart import RestartPoint
     from dnc.resuming import Plan
 
