@@ -45,7 +45,8 @@ class UrlPort:
                 self._bridge = _Bridge(_device_server(name, link))
                 self._fd = self._bridge.fileno()
         except (serial.SerialException, OSError, ValueError) as problem:
-            raise PortUnavailable(f"{name} cannot be opened: {_reason(problem)}") from None
+            remedy = "check address, port number and network"
+            raise PortUnavailable(f"{name} cannot be opened: {_reason(problem)}; {remedy}") from None
 
     def fileno(self) -> int:
         """The descriptor, for select."""

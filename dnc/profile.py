@@ -142,19 +142,25 @@ def profile_names() -> list[str]:
     return sorted({*shipped_names("machines"), *(path.stem for path in user_machines().glob("*.toml"))})
 
 
+def overlooked_profile(name: str) -> Path | None:
+    """The user's own profile of a name that a shipped one has, which goes before it; None without one."""
+    own = user_machines() / f"{name}.toml"
+    return own if name in shipped_names("machines") and own.is_file() else None
+
+
 def profile_path(name_or_path: str) -> Path:
-    """Where a profile lies: a path ending in .toml, else the user's folder, else those shipped.
+    """Where a profile lies: a path ending in .toml, else one of those shipped, else the user's folder.
 
     Raises SettingsRejected for a name that is in neither, with the nearest one and the list.
     """
     if name_or_path.endswith(".toml") or "/" in name_or_path:
         return Path(name_or_path)
     own = user_machines() / f"{name_or_path}.toml"
+    if name_or_path in shipped_names("machines"):
+        return shipped_path("machines", name_or_path)
     if own.is_file():
         return own
     known = profile_names()
-    if name_or_path in shipped_names("machines"):
-        return shipped_path("machines", name_or_path)
     near = difflib.get_close_matches(name_or_path, known, n=1)
     meant = f"did you mean {near[0]}? " if near else ""
     raise SettingsRejected(f"there is no machine named {name_or_path!r}", remedy=f"{meant}known: {', '.join(known)}")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from dnc.cli._options import machine_option
 from planner.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: dnc check part.mpf --machine sinumerik-840d --job job.toml")
 @click.argument("program", type=click.Path(path_type=Path))
-@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
+@machine_option
 @click.option(
     "--job",
     type=click.Path(path_type=Path),

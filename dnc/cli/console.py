@@ -7,9 +7,11 @@ import sys
 
 import click
 
+from dnc.cli._options import machine_option
+
 
 @click.command(epilog="Example: dnc console --machine sinumerik-840d")
-@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
+@machine_option
 @click.option("--modbus", metavar="HOST:PORT", envvar="DNC_MODBUS", help="in place of the profile's")
 @click.option("--low-power", is_flag=True, help="redraw once a second in place of twice")
 def command(machine: str, modbus: str | None, *, low_power: bool) -> int:

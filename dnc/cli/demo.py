@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
@@ -32,5 +33,6 @@ def command(out: Path, machine: str, job: Path | None, speed: float, window_s: f
     from dnc.shipped import shipped_path
 
     settings = Settings(job or shipped_path("jobs", "thesis"), machine, speed, window_s, 1500.0, 0.2)
-    report = run_chain(out, settings, elapsed(lambda text: click.echo(text, err=True)))
+    is_watched = sys.stderr.isatty()
+    report = run_chain(out, settings, elapsed(lambda text: click.echo(text, err=True) if is_watched else None))
     click.echo(json.dumps(report, indent=1) if as_json else demo_screen(report, out), nl=as_json)

@@ -7,11 +7,13 @@ import json
 
 import click
 
+from dnc.cli._options import machine_option
+
 
 @click.command(epilog="Example: dnc doctor --port /dev/ttyUSB0 --loopback")
 @click.option("--port", help="also open this port, to see that it can be had")
 @click.option("--loopback", is_flag=True, help="a plug joins TX and RX of --port: bytes must come back")
-@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile for --port")
+@machine_option
 @click.option("--json", "as_json", is_flag=True, help="one JSON object")
 def command(port: str | None, loopback: bool, machine: str, as_json: bool) -> int:
     """Examine rights, modem manager, power saving, adapter latency, clock, disk and priority; change nothing."""

@@ -22,14 +22,18 @@ _HIDDEN = {"main"}
 _NOT_BUILT = {"serve", "web", "compare", "config"}
 
 
+def _command_names() -> list[str]:
+    names = (found.name for found in pkgutil.iter_modules(dnc.cli.__path__))
+    return sorted(name.replace("_", "-") for name in names if name not in _HIDDEN and not name.startswith("_"))
+
+
 class _Commands(click.Group):
     """Loads a command's file only when it is asked for, so that `dnc send` stays light."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The names of the files of this package, as commands."""
         del ctx
-        names = (found.name for found in pkgutil.iter_modules(dnc.cli.__path__))
-        return sorted(name.replace("_", "-") for name in names if name not in _HIDDEN and not name.startswith("_"))
+        return _command_names()
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command of this name, its file imported now; UsageError for a name that is reserved or unknown."""
@@ -91,11 +95,11 @@ def run_with(arguments: list[str]) -> int:
         return int(ExitCode.USAGE)
     except click.BadParameter as error:
         variable = _variable(error)
-        what = f"{variable}: {error.message.rstrip('.')}; mend or unset it" if variable else _usage_sentence(error)
-        click.echo(f"dnc: {what}", err=True)
+        of_variable = f"{variable}: {error.message.rstrip('.')}; mend or unset it"
+        click.echo(f"dnc: {of_variable if variable else _usage_sentence(error, arguments)}", err=True)
         return int(ExitCode.SETTINGS if variable else ExitCode.USAGE)
     except click.ClickException as error:
-        click.echo(f"dnc: {_usage_sentence(error)}", err=True)
+        click.echo(f"dnc: {_usage_sentence(error, arguments)}", err=True)
         return int(ExitCode.USAGE)
     except SystemExit:  # click leaves so when nobody reads our output any more
         return 128 + signal.SIGPIPE
@@ -114,12 +118,13 @@ def _variable(error: click.BadParameter) -> str | None:
     return str(error.param.envvar) if source is click.core.ParameterSource.ENVIRONMENT else None
 
 
-def _usage_sentence(error: click.ClickException) -> str:
-    """What is wrong with the command line, and whose help tells how it is meant."""
+def _usage_sentence(error: click.ClickException, arguments: list[str]) -> str:
+    """What is wrong with the command line, and whose help tells how it is meant; click does not always know whose."""
     what = error.format_message().rstrip(".").replace("\n", " ")
     context = error.ctx if isinstance(error, click.UsageError) else None
     joint = " " if what.endswith("?") else "; "
-    return f"{what[:1].lower()}{what[1:]}{joint}see {context.command_path if context else 'dnc'} --help"
+    command = f"dnc {arguments[0]}" if arguments and arguments[0] in _command_names() else "dnc"
+    return f"{what[:1].lower()}{what[1:]}{joint}see {context.command_path if context else command} --help"
 
 
 def _no_space(error: OSError) -> int:

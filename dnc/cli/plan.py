@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from dnc.cli._options import machine_option
 from dnc.numbers import Number
 
 if TYPE_CHECKING:
@@ -16,10 +17,16 @@ _CONTROLS = ["sinumerik-840d", "fanuc-30i", "heidenhain-itnc530", "linuxcnc", "g
 _BLOCKS = ["auto", "bspline", "poly", "nurbs", "spl", "arcs", "linear"]
 
 
+def _not_built(ctx: click.Context, param: click.Parameter, value: str | None) -> None:
+    """An option that is reserved; raises UsageError where it is given."""
+    if value is not None:
+        raise click.UsageError(f"{param.opts[0]} is not built yet", ctx)
+
+
 @click.command(epilog="Example: dnc plan configs/jobs/thesis.toml -o part.mpf --report plan.json --plot plan.png")
 @click.argument("job", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="the program to write")
-@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
+@machine_option
 @click.option("--post", "control", type=click.Choice(_CONTROLS), help="control, in place of the job's")
 @click.option("--blocks", type=click.Choice(_BLOCKS), help="kind of cutting blocks, in place of the job's")
 @click.option("--report", type=click.Path(path_type=Path), help="write the report, rivals included, as JSON")
@@ -33,6 +40,8 @@ _BLOCKS = ["auto", "bspline", "poly", "nurbs", "spl", "arcs", "linear"]
     help="raise the whole program by this many mm, for an air cut",
 )
 @click.option("--knot-test", is_flag=True, help="write an air program that tells the control's knot rule instead")
+@click.option("--workers", expose_value=False, callback=_not_built, help="not built yet")
+@click.option("--scheduler", expose_value=False, callback=_not_built, help="not built yet")
 @click.option("--json", "as_json", is_flag=True, help="print the report to stdout")
 def command(
     job: Path,

@@ -8,17 +8,16 @@ from pathlib import Path
 
 import click
 
+from dnc.cli._options import Folder, baud_option, format_option, machine_option
 from dnc.numbers import LONGEST_S, Number
 
 
 @click.command(epilog="Example: dnc receive --port /dev/ttyUSB0 -o programs/ --count 1")
-@click.option("--port", required=True, help="device, pty, socket://host:port or rfc2217://host:port")
-@click.option(
-    "-o", "--output", "folder", required=True, type=click.Path(path_type=Path), help="folder for the programs"
-)
-@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
-@click.option("--baud", type=click.IntRange(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's")
-@click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
+@click.option("--port", required=True, envvar="DNC_PORT", help="device, pty, socket://host:port or rfc2217://host:port")
+@click.option("-o", "--output", "folder", required=True, type=Folder(), help="folder for the programs")
+@machine_option
+@baud_option
+@format_option
 @click.option("--count", type=click.IntRange(min=0), default=0, help="end after so many programs; 0: go on")
 @click.option(
     "--wait", "wait_s", type=Number(0, LONGEST_S), default=0.0, help="end after so many silent seconds; 0: never"

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from dnc.cli._options import baud_option, format_option, machine_option
 from dnc.numbers import LONGEST_S, Number
 
 _HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
@@ -14,20 +15,30 @@ _HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
 
 @click.command(epilog="Example: dnc send part.mpf --port /dev/ttyUSB0 --machine sinumerik-840d --report sent.json")
 @click.argument("program", type=click.Path(path_type=Path))
-@click.option("--port", help="device, pty, socket://host:port or rfc2217://host:port")
-@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
-@click.option("--baud", type=click.IntRange(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's")
-@click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
-@click.option("--handshake", type=click.Choice(_HANDSHAKES))
-@click.option("--start", type=click.Choice(["immediate", "wait-xon"]), help="send at once, or wait for the first XON")
+@click.option("--port", envvar="DNC_PORT", help="device, pty, socket://host:port or rfc2217://host:port")
+@machine_option
+@baud_option
+@format_option
+@click.option("--handshake", type=click.Choice(_HANDSHAKES), envvar="DNC_HANDSHAKE", help="in place of the profile's")
+@click.option(
+    "--start",
+    type=click.Choice(["immediate", "wait-xon"]),
+    envvar="DNC_START",
+    help="send at once, or wait for the first XON",
+)
 @click.option(
     "--start-timeout",
     "start_timeout_s",
     type=Number(0, LONGEST_S),
+    envvar="DNC_START_TIMEOUT",
     help="seconds to wait for the first XON; 0: for ever",
 )
 @click.option(
-    "--hold-timeout", "hold_timeout_s", type=Number(0, LONGEST_S), help="seconds an XOFF may last; 0: for ever"
+    "--hold-timeout",
+    "hold_timeout_s",
+    type=Number(0, LONGEST_S),
+    envvar="DNC_HOLD_TIMEOUT",
+    help="seconds an XOFF may last; 0: for ever",
 )
 @click.option("--start-at", metavar="N120", help="restart at this block, with a computed preamble")
 @click.option("--resume", is_flag=True, help="restart where the interrupted job of this program stopped")
@@ -56,4 +67,7 @@ def command(**options: Any) -> int:
     """
     from dnc.sending import Wishes, send
 
+    source = click.get_current_context().get_parameter_source("port")
+    if options["dry_run"] and source is not click.core.ParameterSource.COMMANDLINE:
+        options["port"] = None  # a port that is written down for every day is no contradiction
     return send(Wishes(**options))

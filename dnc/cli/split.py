@@ -7,17 +7,18 @@ from pathlib import Path
 
 import click
 
+from dnc.cli._options import Folder, machine_option
 from dnc.numbers import Number
 
 
 @click.command(epilog="Example: dnc split part.mpf --bytes 30000 -o parts/ --job job.toml")
 @click.argument("program", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="folder for the parts")
+@click.option("-o", "--output", required=True, type=Folder(), help="folder for the parts")
 @click.option("--job", required=True, type=click.Path(path_type=Path), help="job file: heights, plunge feed, dwell")
 @click.option(
     "--bytes", "most_bytes", type=click.IntRange(min=200), help="most bytes a part; default: the profile's buffer"
 )
-@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="machine profile")
+@machine_option
 @click.option(
     "--retract-z",
     "retract_z_mm",
@@ -36,6 +37,7 @@ def command(
 ) -> int:
     """Cut PROGRAM where the tool stands clear; each part restores tool, spindle, frames and modes, and ends itself."""
     from dnc.control_side import decimals_of, settings_of
+    from dnc.framing import CharacterCheck
     from dnc.preamble import Heights
     from dnc.profile import beyond_travel, load_profile, profile_path
     from dnc.split import split_program
@@ -60,7 +62,9 @@ def command(
         profile, tool_radii_mm=loaded.tool_radii_mm, subprogram_folder=program.parent, is_drip_fed=False
     )
     limit = most_bytes or profile.control.receive_buffer_bytes
-    parts = split_program(read_program(program), limit, heights, settings)
+    data = read_program(program)
+    CharacterCheck(program, profile.tape.character_set, len(data), profile.link.data_bits).feed(data)
+    parts = split_program(data, limit, heights, settings)
     made_folder(output)
     names = [output / f"{program.stem}-{number}{program.suffix}" for number in range(1, len(parts) + 1)]
     for name, part in zip(names, parts, strict=True):

@@ -9,11 +9,12 @@ from typing import Any
 
 import click
 
+from dnc.cli._options import machine_option
 from dnc.errors import ExitCode, ModbusUnavailable
 
 
 @click.command(epilog="Example: dnc status --machine sinumerik-840d --json")
-@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
+@machine_option
 @click.option("--modbus", metavar="HOST:PORT", envvar="DNC_MODBUS", help="in place of the profile's")
 @click.option("--json", "as_json", is_flag=True, help="print JSON, one object a line")
 @click.option("--watch", is_flag=True, help="go on reading, once a second, until interrupted")

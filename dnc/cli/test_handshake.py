@@ -7,14 +7,15 @@ import sys
 
 import click
 
+from dnc.cli._options import baud_option, format_option, machine_option
 from dnc.numbers import LONGEST_S, Number
 
 
 @click.command(epilog="Example: dnc test-handshake --port /dev/ttyUSB0")
-@click.option("--port", required=True, help="device or pty")
-@click.option("--machine", envvar="DNC_MACHINE", default="sinumerik-840d", show_default=True, help="profile")
-@click.option("--baud", type=click.IntRange(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's")
-@click.option("--format", "form", envvar="DNC_FORMAT", help="such as 8N1 or 7E2")
+@click.option("--port", required=True, envvar="DNC_PORT", help="device or pty")
+@machine_option
+@baud_option
+@format_option
 @click.option(
     "--resume-wait", "resume_wait_s", type=Number(0, LONGEST_S), default=120.0, show_default=True, help="s to raise it"
 )

@@ -63,6 +63,19 @@ def test_unknown_command_is_usage(capsys: pytest.CaptureFixture[str]) -> None:
             ["send", "part.mpf", "--port", "/dev/ttyUSB0", "--speed", "2"],
             "dnc: --speed goes with --dry-run; a real control keeps its own time; see dnc send --help\n",
         ),
+        (["send", "part.mpf", "--port"], "dnc: option '--port' requires an argument; see dnc send --help\n"),
+        (
+            ["plan", "job.toml", "-o", "p.mpf", "--workers", "2"],
+            "dnc: --workers is not built yet; see dnc plan --help\n",
+        ),
+        (
+            ["send", "part.mpf", "--dry-run", "--format", "9N1"],
+            "dnc: invalid value for '--format': 9N1 is no format of a line, such as 8N1 or 7E2; see dnc send --help\n",
+        ),
+        (
+            ["split", "part.mpf", "--job", "job.toml", "-o", ""],
+            "dnc: invalid value for '-o' / '--output': the name of the folder is empty; see dnc split --help\n",
+        ),
         (["serve"], "dnc: serve is not built yet; see dnc --help\n"),
         (
             ["console"],
@@ -133,6 +146,40 @@ def test_every_command_knows_the_users_machines(command: str, own_machines: Path
         "split": ["split", str(program), "-o", str(tmp_path / "parts"), "--job", str(job)],
     }
     assert main.run_with([*words[command], "--machine", "mine"]) == ExitCode.OK
+
+
+def test_a_profile_of_a_shipped_name_is_said_not_to_be_used(
+    own_machines: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(Interface, section 1) The shipped ones go first; whoever wrote another of that name must hear of it."""
+    own = own_machines / "sinumerik-840d.toml"
+    own.write_text("[link\n")
+    assert main.run_with(["check", "absent.mpf"]) == ExitCode.REJECTED
+    said = capsys.readouterr().err.splitlines()
+    assert said[0].startswith(f"dnc: warning: {own} is not used: the shipped profile sinumerik-840d goes first; ")
+    assert said[1].startswith("dnc: absent.mpf: is not there")
+
+
+def test_a_port_for_every_day(
+    own_machines: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(Interface, section 1) From variable or file; a dry run is meant all the same."""
+    program = tmp_path / "part.mpf"
+    program.write_text("N10 M30\n")
+    (own_machines.parent / "settings.toml").write_text('port = "/dev/of-the-user"\nstart_timeout = 5\n')
+    assert main.run_with(["send", str(program)]) == ExitCode.PORT
+    assert capsys.readouterr().err.startswith("dnc: /dev/of-the-user: ")
+    monkeypatch.setenv("DNC_PORT", "/dev/of-the-environment")
+    assert main.run_with(["send", str(program)]) == ExitCode.PORT
+    assert capsys.readouterr().err.startswith("dnc: /dev/of-the-environment: ")
+    assert main.run_with(["send", "absent.mpf", "--dry-run"]) == ExitCode.REJECTED
+    assert main.run_with(["send", str(program), "--dry-run", "--port", "/dev/x"]) == ExitCode.USAGE
+
+
+def test_empty_settings_say_nothing(own_machines: Path) -> None:
+    """(2.7)"""
+    (own_machines.parent / "settings.toml").write_bytes(b"")
+    assert main.run_with(["machines"]) == ExitCode.OK
 
 
 def test_settings_come_in_their_order(
@@ -228,6 +275,29 @@ def test_a_report_takes_nothing_away(
     assert main.run_with(words) == ExitCode.REJECTED
     assert capsys.readouterr().err.startswith(f"dnc: {lost}: is ")
     assert Path(lost).read_bytes() == before
+
+
+def test_a_state_folder_that_cannot_be_made_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(2.7) It was taken for a mark of a job that had been cut off: exit 9, reset the control."""
+    (tmp_path / "file").write_text("")
+    (tmp_path / "part.mpf").write_text("M30\n")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
+    assert main.run_with(["send", str(tmp_path / "part.mpf"), "--port", "/dev/null"]) == ExitCode.SETTINGS
+    said = capsys.readouterr().err
+    assert said.startswith(f"dnc: {tmp_path}/file/dnc: the folder for journal and records cannot be made: ")
+    assert said.endswith("; set XDG_STATE_HOME to a folder of yours\n")
+
+
+def test_a_pitch_too_fine_is_refused_before_anything_is_cut(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """(2.7) The mill took the whole program first, and then had nothing to measure it with."""
+    job = str(shipped_path("jobs", "thesis"))
+    assert main.run_with(["mill", "--nominal", job, "--probe-pitch", "0.001"]) == ExitCode.REJECTED
+    assert capsys.readouterr().err.startswith("dnc: a probe pitch of 0.001 mm takes ")
+    (tmp_path / "bad.mpf").write_text("XYZ\n")
+    words = ["simulate", str(tmp_path / "bad.mpf"), "--job", job, "--pitch", "0.001"]
+    assert main.run_with(words) == ExitCode.REJECTED
 
 
 def test_nobody_reads_the_output_any_more() -> None:

@@ -128,6 +128,16 @@ def test_parts_of_an_earlier_split_are_told(tmp_path: Path) -> None:
     assert sorted(path.name for path in parts.iterdir()) == before
 
 
+def test_what_is_no_program_is_not_cut(tmp_path: Path) -> None:
+    """(2.7, 5.6) Parts go to a control as they are: what `dnc send` refuses is refused here."""
+    source, parts = tmp_path / "p.mpf", tmp_path / "parts"
+    source.write_bytes(b"\x7fELF\0\x13" + bytes(range(256)))
+    arguments = [str(source), "-o", str(parts), "--job", str(THESIS)]
+    with pytest.raises(InputRejected, match=r"p\.mpf:1:1: "):
+        CliRunner().invoke(command, arguments, standalone_mode=False, catch_exceptions=False)
+    assert not parts.exists()
+
+
 def test_a_retract_beyond_the_travel_is_refused(tmp_path: Path) -> None:
     """(2.7)"""
     source = tmp_path / "p.mpf"
