@@ -47,6 +47,16 @@ def quickest_answer_s(times: int = 60) -> float:
     return statistics.median(took_s)
 
 
+def bare_loop_share(writes_per_s: float, seconds: float = 6.0) -> float:
+    """Share of a processor that a loop takes which only selects with a time-out and writes, so many times a second."""
+    with endless_control() as pty:
+        child = os.fork()
+        if child == 0:
+            _write_on(pty, 1.0 / writes_per_s, seconds)
+        _, _, used = os.wait4(child, 0)
+    return (used.ru_utime + used.ru_stime) / seconds
+
+
 @contextlib.contextmanager
 def endless_control() -> Iterator[str]:
     """A pseudo-terminal whose other end takes everything and never stops us; gives its name."""
@@ -86,6 +96,19 @@ def _answer(slave: int) -> None:
             if not os.read(slave, 16):
                 break
             os.write(slave, _XON)
+    os._exit(0)
+
+
+def _write_on(pty: str, period_s: float, seconds: float) -> None:
+    """The life of the child that only writes."""
+    port = os.open(pty, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    _hurry()
+    due_s = time.monotonic()
+    end_s = due_s + seconds
+    while due_s < end_s:
+        select.select([port], [], [], max(0.0, due_s - time.monotonic()))
+        os.write(port, b"G1 X0.")
+        due_s += period_s
     os._exit(0)
 
 
