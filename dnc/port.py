@@ -16,11 +16,11 @@ import termios
 import threading
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
 from typing import Protocol
 
 import serial
 
+from dnc.device_names import device_of, identity_of, is_pty
 from dnc.errors import PortLost, PortUnavailable
 from dnc.locks import UucpLock, flock_holder
 from dnc.port_settings import difference, parity_table, refused_settings, set_flow_characters
@@ -95,7 +95,7 @@ class SerialPort:
 
     def __init__(self, name: str, link: Link) -> None:
         self.name = name
-        self.device = _device(name)
+        self.device = device_of(name)
         self.is_simulated = is_pty(self.device)
         self.identity = identity_of(self.device)
         self.flow = FLOWS[link.handshake]
@@ -260,32 +260,6 @@ class SerialPort:
     def _lost(self, problem: Exception) -> PortLost:
         code = problem.args[0] if problem.args and isinstance(problem.args[0], int) else errno.EIO
         return PortLost(f"{self.name} was lost: {os.strerror(code)}")
-
-
-def is_pty(device: Path) -> bool:
-    """Whether this is the end of a pseudo-terminal, so a simulation and not a machine."""
-    return str(device).startswith("/dev/pts/")
-
-
-def identity_of(device: Path) -> str:
-    """What tells this port from another that bears its name later: a pty by its birth, an adapter by its by-id name."""
-    if is_pty(device):
-        return f"{device} {device.stat().st_ctime_ns}"
-    with contextlib.suppress(OSError):
-        for link in sorted(Path("/dev/serial/by-id").iterdir()):
-            if link.resolve() == device:
-                return link.name
-    return str(device)
-
-
-def _device(name: str) -> Path:
-    if not name:
-        raise PortUnavailable("the port's name is empty; see dnc ports")
-    path = Path(name)
-    try:
-        return path.resolve(strict=True)
-    except OSError as problem:
-        raise PortUnavailable(f"{name}: {problem.strerror}; see dnc ports") from None
 
 
 def _open_sentence(name: str, problem: Exception) -> str:

@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 import signal
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from dnc.cli._options import Folder, baud_option, format_option, machine_option
 from dnc.numbers import LONGEST_S, Number
+
+if TYPE_CHECKING:
+    from dnc.receiving import Haul
 
 
 @click.command(epilog="Example: dnc receive --port /dev/ttyUSB0 -o programs/ --count 1")
@@ -48,7 +52,6 @@ def command(
     """
     import dataclasses
 
-    from dnc.errors import ExitCode, LineFault
     from dnc.punch_in import PunchIn
     from dnc.receiving import Stored, receive
     from dnc.sending import link_with, machine_profile, open_port
@@ -78,14 +81,21 @@ def command(
         rows = [{**dataclasses.asdict(one), "path": str(one.path)} for one in haul.stored]
         report = {"schema": "dripmill.receive", "version": 1, "simulated": opened.is_simulated, "programs": rows}
         click.echo(json.dumps(report, indent=1))
-    broken = [one for one in haul.stored if not one.is_whole]
-    what = f"{broken[0].path} is not whole, ended by {broken[0].ended_by}; punch it out again" if broken else ""
+    return _ending(haul, count, label)
+
+
+def _ending(haul: Haul, count: int, label: str) -> int:
+    """The exit code; raises LineFault for a program that broke off, and where fewer came than were wanted."""
+    from dnc.errors import ExitCode, LineFault
+
+    broken = next((one for one in haul.stored if not one.is_whole), None)
+    what = f"{broken.path} is not whole, ended by {broken.ended_by}; punch it out again" if broken is not None else ""
     if haul.signal is not None:
         who = "the operator" if haul.signal == signal.SIGINT else "SIGTERM"
         what = what or f"{len(haul.stored)} programs came, none was under way"
         click.echo(f"dnc: {label}ended by {who}: {what}", err=True)
         return int(ExitCode.ABORTED) if haul.signal == signal.SIGINT else 128 + signal.SIGTERM
-    if broken:
+    if what:
         raise LineFault(label + what)
     if len(haul.stored) < count:
         came = f"{len(haul.stored)} of {count} programs came"

@@ -17,8 +17,9 @@ from pathlib import Path
 
 import pytest
 
+from dnc.device_names import identity_of
 from dnc.errors import ExitCode, PortLost, PortUnavailable
-from dnc.port import _MODEM, SerialPort, identity_of
+from dnc.port import _MODEM, SerialPort
 from dnc.port_settings import set_flow_characters
 from dnc.profile import Link
 

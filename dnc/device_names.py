@@ -1,0 +1,35 @@
+"""What a device is called and known by: where its name leads, whether it is a pty, what tells it from another."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+from dnc.errors import PortUnavailable
+
+
+def is_pty(device: Path) -> bool:
+    """Whether this is the end of a pseudo-terminal, so a simulation and not a machine."""
+    return str(device).startswith("/dev/pts/")
+
+
+def identity_of(device: Path) -> str:
+    """What tells this port from another that bears its name later: a pty by its birth, an adapter by its by-id name."""
+    if is_pty(device):
+        return f"{device} {device.stat().st_ctime_ns}"
+    with contextlib.suppress(OSError):
+        for link in sorted(Path("/dev/serial/by-id").iterdir()):
+            if link.resolve() == device:
+                return link.name
+    return str(device)
+
+
+def device_of(name: str) -> Path:
+    """The device that this name leads to, links followed; raises PortUnavailable where there is none."""
+    if not name:
+        raise PortUnavailable("the port's name is empty; see dnc ports")
+    path = Path(name)
+    try:
+        return path.resolve(strict=True)
+    except OSError as problem:
+        raise PortUnavailable(f"{name}: {problem.strerror}; see dnc ports") from None
