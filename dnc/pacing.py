@@ -114,7 +114,8 @@ class ByteClock:
 
     def room_bytes(self, now_s: float) -> int:
         """How many more bytes may be handed over now."""
-        return max(0, self._max_bytes - self.inflight_bytes(now_s))
+        left_s = self._busy_until_s - now_s
+        return self._max_bytes if left_s <= 0 else max(0, self._max_bytes - math.ceil(left_s / self._byte_s - 1e-6))
 
     def room_at_s(self, count_bytes: int) -> float:
         """The moment at which there is room for this many bytes (at most the whole of what may be in flight)."""

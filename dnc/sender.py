@@ -74,6 +74,12 @@ class Sender:
         return self.state is JobState.HELD and self._stop_at is None and self.rules.hears_xoff
 
     @property
+    def plain_refill_bytes(self) -> int:
+        """A refill that may leave as soon as the clock has room, whatever stands in it; 0 where more is to be asked."""
+        refill_bytes = self.clock.refill_bytes
+        return refill_bytes if self.state is JobState.SENDING and self._is_plain(refill_bytes) else 0
+
+    @property
     def held_since_s(self) -> float:
         """When the present hold, pause or wait began."""
         return self._since_s
@@ -156,7 +162,12 @@ class Sender:
         if self.state is not JobState.SENDING or room_bytes <= 0:
             return b""
         clock = self.clock
-        count, wanted = clock.room_bytes(now_s), self._wanted_bytes()
+        count = clock.room_bytes(now_s)
+        if clock.refill_bytes <= count <= room_bytes and self._is_plain(count):
+            chunk = self.tape.read(self.offset_bytes, count)
+            self._left(chunk, now_s)
+            return chunk
+        wanted = self._wanted_bytes()
         if count < wanted:
             if clock.idle_at_s > now_s:
                 return b""
@@ -283,6 +294,13 @@ class Sender:
         if self.offset_bytes >= self.tape.end.essential_bytes:
             waits.append(_TRAILER_WAIT_S)
         return self._since_s + min(waits, default=math.inf)
+
+    def _is_plain(self, count_bytes: int) -> bool:
+        """Whether no pause, delay or end of the tape makes a write of so many bytes shorter or another."""
+        tape, pace = self.tape, self.clock.pace
+        return (
+            self._stop_at is None and self.offset_bytes + count_bytes <= tape.end.whole_from and not pace.line_delay_s
+        )
 
     def _wanted_bytes(self) -> int:
         return wanted_bytes(self.tape, self.offset_bytes, self._write_stop(), self.clock)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
+import time
 from pathlib import Path
 
 from dnc.errors import PortLost
@@ -138,5 +140,36 @@ def test_what_was_heard_before_the_port_broke_is_told(tmp_path: Path) -> None:
     stream.run()
     assert states(told) == [JobState.ARMED, JobState.SENDING, JobState.FAULTED]
     assert told_at_write == [1]
+    stream.close()
+    port.close()
+
+
+class SlowPort(BrokenPort):
+    """An adapter whose line is half as fast as it should be; it tells how many bytes wait in it."""
+
+    byte_s = 0.4e-3
+
+    def __init__(self) -> None:
+        super().__init__(PortLost(""))
+        self.empty_at_s = 0.0
+        self.most_bytes = 0
+
+    def queued_bytes(self) -> int:
+        return max(0, math.ceil((self.empty_at_s - time.monotonic()) / self.byte_s))
+
+    def write(self, data: bytes) -> int:
+        self.most_bytes = max(self.most_bytes, self.queued_bytes() + len(data))
+        self.empty_at_s = max(time.monotonic(), self.empty_at_s) + len(data) * self.byte_s
+        return len(data)
+
+
+def test_a_line_slower_than_its_rate_piles_nothing_up(tmp_path: Path) -> None:
+    """(5.2) Where the system tells its queue, the bound holds whatever the byte clock believes, at every write."""
+    port = SlowPort()
+    sender = sender_of(tape_of(tmp_path, PROGRAM[-800:]), Pace(0.2e-3, 8, 0.0, slack=0.0))
+    stream = Stream(sender, port, NoJournal(), lambda _: None)  # type: ignore[arg-type]
+    stream.run()
+    assert sender.state is JobState.SENT
+    assert port.most_bytes <= 8
     stream.close()
     port.close()
