@@ -69,7 +69,7 @@ _OF_STATE: dict[JobState, dict[Cause, JobState]] = {
         **_STOPS,
     },
     _S.PAUSED: {Cause.RESUME: _S.SENDING, Cause.RESUME_HELD: _S.HELD, **_STOPS},
-    _S.DRAINING: {Cause.DRAINED: _S.SENT, **_STOPS},
+    _S.DRAINING: {Cause.DRAINED: _S.SENT, Cause.HOLD_TIMEOUT: _S.FAULTED, **_STOPS},
     _S.SENT: {Cause.LOAD: _S.LOADED},
     _S.ABORTED: {Cause.LOAD: _S.LOADED},
     _S.FAULTED: {Cause.LOAD: _S.LOADED},
@@ -109,7 +109,7 @@ class Listener:
     """Turns bytes from the control into signals, keeping only what the last signal was.
 
     XON and XOFF are compared on the low 7 bits (DC3 leaves a control with even parity as 0x93), unless the two
-    characters agree there. SYN and NAK count only after XOFF, as FANUC's remote buffer sends them.
+    characters agree there. SYN and NAK count only directly behind XOFF, as FANUC's remote buffer sends them.
     """
 
     def __init__(self, xon: int, xoff: int) -> None:
@@ -122,13 +122,13 @@ class Listener:
         noise = bytearray()
         for byte in data:
             heard = self._meaning(byte)
+            self._last = heard.signal
             if heard.signal is Signal.NOISE:
                 noise.append(byte)
                 continue
             if noise:
                 yield Heard(Signal.NOISE, data=bytes(noise))
                 noise.clear()
-            self._last = heard.signal
             yield heard
         if noise:
             yield Heard(Signal.NOISE, data=bytes(noise))

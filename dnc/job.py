@@ -35,7 +35,7 @@ from dnc.places import runtime_folder, state_folder, write_whole
 from dnc.port import Flow, Port
 from dnc.priority import on_time
 from dnc.profile import Link, MachineProfile
-from dnc.record import append_record, doubt_words, in_doubt, send_report
+from dnc.record import append_record, doubt_of, doubt_words, send_report
 from dnc.sender import Rules, Sender
 from dnc.service.publisher import Publisher
 from dnc.service.snapshot import JobView
@@ -149,6 +149,7 @@ class Job:
             "program_sha256": self.tape.program_sha256,
             "bytes_total": self.tape.size_bytes,
             "restart": self.names.restart,
+            "rehearsal": self.names.is_rehearsal,
             "started": self._started.isoformat(timespec="milliseconds"),
         }
         with contextlib.suppress(OSError):
@@ -180,6 +181,7 @@ class Job:
             port=self.port.name,
             port_identity=self.port.identity,
             restart=self.names.restart,
+            rehearsal=self.names.is_rehearsal,
             started=self._started.isoformat(timespec="milliseconds"),
             handshake=self.profile.link.handshake,
             bound_assured=self.port.is_bound_assured and self.port.flow is Flow.BYTES,
@@ -195,25 +197,21 @@ class Job:
     def _verdict(self) -> tuple[int, str]:
         """Exit code and sentence for the operator."""
         sender = self.sender
-        window = doubt_words(
-            self.tape, in_doubt(self.tape, sender.offset_bytes, self._inflight(), self.profile.control)
-        )
+        window = doubt_words(self.tape, doubt_of(sender, self.profile.control), self.names.restart)
         grave = [alarm for alarm in self.events.alarms if alarm.severity is Severity.ALARM]
         why = grave[-1] if grave else None
         told = f"{why.text}; {why.remedy}" if why is not None else sender.last_cause.value
         if sender.state is JobState.SENT:
             return 0, sender.note or f"sent {sender.tally.bytes_sent} bytes; SENT does not mean that the part is done"
-        if sender.state is JobState.PAUSED or self.stream.last_command is Command.LEAVE:
-            return SIGTERM_EXIT, f"stopped by SIGTERM at {sender.offset_bytes} bytes; {window}"
-        if sender.last_cause is Cause.ABORT:
-            cut = "the last block is cut: reset the control; " if sender.is_cut else ""
-            return int(OperatorAbort.exit_code), f"aborted by the operator; {cut}{window}"
         if sender.last_cause in (Cause.CONTROL_RESET, Cause.CONTROL_ALARM):
             return int(ControlStopped.exit_code), f"{told}; {window}"
+        cut = "the last block is cut: reset the control; " if sender.is_cut else ""
+        is_left = sender.last_cause is Cause.ABORT and self.stream.last_command is Command.LEAVE
+        if sender.state is JobState.PAUSED or is_left:
+            return SIGTERM_EXIT, f"stopped by SIGTERM at {sender.offset_bytes} bytes; {cut}{window}"
+        if sender.last_cause is Cause.ABORT:
+            return int(OperatorAbort.exit_code), f"aborted by the operator; {cut}{window}"
         return int(LineFault.exit_code), f"{told}; {window}"
-
-    def _inflight(self) -> int:
-        return self.sender.clock.pace.inflight_max_bytes
 
 
 @contextlib.contextmanager

@@ -13,6 +13,7 @@ from dnc.errors import JournalMismatch
 from dnc.journal import read_journal
 
 _ENDS = frozenset({"SENT", "ABORTED", "FAULTED"})
+_RECORDED_ENDS = _ENDS | {"PAUSED", "NOT_STARTED"}  # by SIGTERM, or before the first byte
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,7 @@ def past_jobs(state: Path) -> list[PastJob]:
     A record of a job that a fault of ours ended in its course counts as none.
     """
     recorded = [PastJob(values["job"], values["outcome"], values) for values in _records(state)]
-    known = {past.job: past for past in recorded if past.outcome in _ENDS}
+    known = {past.job: past for past in recorded if past.outcome in _RECORDED_ENDS}
     journals = [journal for journal in (state / "jobs").glob("*/journal") if journal.parent.name not in known]
     unended = {past.job: replace(past, outcome="INTERRUPTED") for past in recorded if past.job not in known}
     found = known | unended | {journal.parent.name: _unrecorded(journal) for journal in journals}

@@ -10,12 +10,16 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class JobNames:
-    """A job's id, the program's file, the machine profile; what a restart was made of, if it is one."""
+    """A job's id, the program's file, the machine profile; what a restart was made of, if it is one.
+
+    A rehearsal goes to a mill of its own and tells nothing of any control.
+    """
 
     job_id: str
     program: str
     machine: str
     restart: dict[str, Any] | None = None
+    is_rehearsal: bool = False
 
 
 def new_job_id() -> str:

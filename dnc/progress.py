@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import threading
 import time
@@ -38,15 +39,21 @@ def tell(text: str) -> None:
         click.echo(f"{_CLEAR if sys.stderr.isatty() else ''}dnc: {text}", err=True)
 
 
-def event_lines(is_simulated: bool) -> Listener:
-    """A listener that prints alarms and the stops of the job to stderr."""
+def silence_output() -> None:
+    """What is still to be written to a stdout that takes nothing must not fail again at the very end."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def event_lines(is_simulated: bool, is_leaving: Callable[[], bool] = lambda: False) -> Listener:
+    """A listener that prints alarms and the stops of the job to stderr; who is leaving waits for nobody."""
     label = "SIMULATED " if is_simulated else ""
 
     def show(event: Event) -> None:
         if isinstance(event, Alarm):
             tell(f"{label}{event.severity.value} {event.id}: {event.text}; {event.remedy}")
         elif isinstance(event, StateChanged) and event.new.value in ("ARMED", "PAUSED"):
-            tell(f"{label}{event.new.value}: {event.cause}{_HINTS[event.new.value]}")
+            tell(f"{label}{event.new.value}: {event.cause}{'' if is_leaving() else _HINTS[event.new.value]}")
 
     return show
 

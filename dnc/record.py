@@ -7,15 +7,18 @@ import hashlib
 import json
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from dnc.events import Alarm
+from dnc.handshake import Cause
 from dnc.profile import Control
 from dnc.sender import Sender
 from dnc.tape import Tape
 
+_UNTOLD = (Cause.CONTROL_ALARM, Cause.CONTROL_RESET, Cause.FAULT, Cause.LOST)
 SCHEMA = "dripmill.send"
 VERSION = 1
 _BLOCK_NUMBER = re.compile(rb"^\s*/?\d?\s*([N:]\s*\d+)", re.IGNORECASE)
@@ -23,27 +26,47 @@ _BLOCK_NUMBER = re.compile(rb"^\s*/?\d?\s*([N:]\s*\d+)", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True)
 class InDoubt:
-    """Physical lines that the control may or may not have executed; all before `first` are done."""
+    """Physical lines that the control may or may not have executed; all before `first` are done.
+
+    That is certain if `is_proven`; else as far as the control took all that was sent.
+    """
 
     first: int
     last: int
     last_offset: int
+    is_proven: bool = False
 
 
-def in_doubt(tape: Tape, sent_bytes: int, inflight_bytes: int, control: Control) -> InDoubt | None:
+def in_doubt(
+    tape: Tape, sent_bytes: int, inflight_bytes: int, control: Control, proven_bytes: int | None = None
+) -> InDoubt | None:
     """The window after these bytes: at most the control's buffer, its look-ahead and the line can be undone.
 
-    None while nothing has left. The window always contains the block being executed; it can be far too wide, never
-    too narrow, for a control that holds no more than its profile says.
+    None while nothing of the program has left. The window always contains the block being executed; it can be far too
+    wide, never too narrow, for a control that holds no more than its profile says. Where bytes may have been lost it
+    begins no later than at `proven_bytes`, up to which the control's own XON tells that it had executed.
     """
+    sent_bytes = min(sent_bytes, tape.trailer_from)
     if sent_bytes <= tape.leader_bytes:
         return None
-    last_offset = min(sent_bytes, tape.size_bytes) - 1
-    last = tape.lines.line_at(tape, last_offset)
-    held_back = inflight_bytes + control.receive_buffer_bytes
-    first = tape.lines.line_at(tape, max(tape.leader_bytes, sent_bytes - held_back)) - control.lookahead_blocks
-    first = max(1, first)
-    return InDoubt(first, last, last_offset)
+    done_bytes = sent_bytes - inflight_bytes - control.receive_buffer_bytes
+    if proven_bytes is not None:
+        done_bytes = min(done_bytes, proven_bytes)
+    first = tape.lines.line_at(tape, max(tape.leader_bytes, done_bytes)) - control.lookahead_blocks
+    last = tape.lines.line_at(tape, sent_bytes - 1)
+    return InDoubt(max(1, first), last, sent_bytes - 1, proven_bytes is not None)
+
+
+def doubt_of(sender: Sender, control: Control) -> InDoubt | None:
+    """The window of a job that has ended.
+
+    After an alarm, a reset or a line that was lost nobody knows how much of what was sent the control took: its buffer
+    may have run over, or it may have been off for long. What it had executed when it last said XON is certain.
+    """
+    inflight_bytes, proven_bytes = sender.clock.pace.inflight_max_bytes, None
+    if sender.last_cause in _UNTOLD:
+        proven_bytes = (sender.tally.xon_offset_bytes or 0) - control.xon_fill_bytes - inflight_bytes
+    return in_doubt(sender.tape, sender.offset_bytes, inflight_bytes, control, proven_bytes)
 
 
 def block_number(text: bytes) -> str | None:
@@ -61,16 +84,24 @@ def line_text(tape: Tape, line: int, limit_bytes: int = 200) -> bytes:
     return tape.peek(tape.lines.offset_of(tape, line), limit_bytes).split(tape.lines.mark, 1)[0].strip(b"\r\n")
 
 
-def doubt_words(tape: Tape, doubt: InDoubt | None) -> str:
-    """The window as a sentence for the operator."""
+def doubt_words(tape: Tape, doubt: InDoubt | None, restart: Mapping[str, Any] | None = None) -> str:
+    """The window as a sentence for the operator, in lines of the program's own file after a `restart` too."""
     if doubt is None:
-        return "nothing was sent"
-    names = []
-    for line in (doubt.first, doubt.last):
-        number = block_number(line_text(tape, line))
-        names.append(f"line {line} ({number})" if number else f"line {line}")
-    done = f"lines before {doubt.first} were executed; " if doubt.first > 1 else ""
-    return f"{done}in doubt from {names[0]} to {names[1]}; nothing after line {doubt.last} was sent whole"
+        return "nothing of the program was sent"
+    first, last = (_place(tape, line, restart) for line in (doubt.first, doubt.last))
+    unless = "" if doubt.is_proven else ", if the control took all that was sent"
+    done = f"what lies before {first} was executed{unless}; " if doubt.first > 1 else ""
+    return f"{done}in doubt from {first} to {last}; nothing behind it was sent whole"
+
+
+def _place(tape: Tape, line: int, restart: Mapping[str, Any] | None) -> str:
+    """A line of the tape as the operator finds it."""
+    before = 0 if restart is None else int(restart["lines_before"])
+    if line <= before:
+        return f"line {line} of the restart's preamble"
+    number = block_number(line_text(tape, line))
+    own = line if restart is None else line - before + int(restart["line"]) - 1
+    return f"line {own} ({number})" if number else f"line {own}"
 
 
 def send_report(
@@ -78,7 +109,7 @@ def send_report(
 ) -> dict[str, Any]:
     """The report of `dnc send` (docs/schemas/send.schema.json)."""
     tally, tape = sender.tally, sender.tape
-    doubt = in_doubt(tape, sender.offset_bytes, sender.clock.pace.inflight_max_bytes, control)
+    doubt = doubt_of(sender, control)
     numbers = [block_number(line_text(tape, line)) for line in (doubt.first, doubt.last)] if doubt else None
     state = sender.state.value
     return {

@@ -9,13 +9,14 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import click
 
 from dnc.control_side import decimals_of, settings_of
+from dnc.device_names import device_of, identity_of
 from dnc.errors import InputRejected, JournalMismatch, OperatorAbort, PortUnavailable
 from dnc.joblist import PastJob, past_jobs
 from dnc.places import state_folder
@@ -34,7 +35,7 @@ from planner.job import Job
 class Plan:
     """A restart: the point, the program that begins with its preamble, and how its lines map to the first program's.
 
-    `doubt` are the first and the last line that the stopped job left in doubt, None if the operator chose the block;
+    `doubt` are the first and the last line that the `stopped` job left in doubt, None if the operator chose the block;
     `is_lifted` says whether the preamble takes the tool up before anything else moves.
     """
 
@@ -44,6 +45,7 @@ class Plan:
     program_sha256: str
     doubt: tuple[int, int] | None
     is_lifted: bool
+    stopped: PastJob | None = None
 
     def record(self) -> dict[str, Any]:
         """What the job's record keeps of it."""
@@ -58,11 +60,8 @@ class Plan:
 
     def refuse_other_port(self, port: Port, *, is_forced: bool) -> None:
         """Raise PortUnavailable if the stopped job went through another adapter than the one of this name now."""
-        jobs = [past for past in past_jobs(state_folder()) if self.program_sha256 in (_sha_of(past), _restarted(past))]
-        last = jobs[-1].values if jobs else {}
-        known = last.get("port_identity") or last.get("identity")
-        is_same_name = last.get("port") == port.name
-        if is_forced or port.is_simulated or not is_same_name or known in (None, port.identity):
+        known = _identity_of(self.stopped) if self.stopped is not None else None
+        if is_forced or port.is_simulated or known in (None, port.identity):
             return
         what = f"{port.name} is another adapter ({port.identity}) than that of the stopped job ({known})"
         raise PortUnavailable(f"{what}; plug in the right one, or --force")
@@ -75,11 +74,13 @@ def plan_restart(
     start_at: str | None,
     job: Job | None,
     *,
+    port: str | None,
     is_forced: bool,
 ) -> Plan:
-    """Where to begin and with which preamble; `start_at` is a block or a line, None resumes the last job.
+    """Where to begin and with which preamble; `start_at` is a block or a line, None resumes the last job on `port`.
 
-    Tool radii are the job's; without one that of the sidecar's tool is known. `machine` is its name and profile.
+    Tool radii are the job's; without one that of the sidecar's tool is known. `machine` is its name and profile. A
+    rehearsal has no port: it takes the last job that was none.
     Raises JournalMismatch (no such job, another program or machine), InputRejected (no such block, not to be restored).
     """
     profile = machine[1]
@@ -89,9 +90,10 @@ def plan_restart(
     radii_mm = {sidecar.state.tool: sidecar.radius_mm} if job is None else job.tool_radii_mm
     settings = settings_of(profile, tool_radii_mm=radii_mm, subprogram_folder=program.parent, unknown_radius_mm=0.0)
     heights = _heights(sidecar.state, profile)
-    doubt = None
+    doubt, stopped = None, None
     if start_at is None:
-        doubt = _lines_in_doubt(tape, machine, is_forced=is_forced)
+        stopped = _stopped_job(tape, machine[0], port, is_forced=is_forced)
+        doubt = _lines_in_doubt(stopped, tape, profile)
         line = _last_point_before(points, doubt[0], program)
         point = restart_at_line(data, line, heights, settings)
     elif start_at.upper().startswith("N") and start_at[1:].isdecimal():
@@ -105,7 +107,8 @@ def plan_restart(
         raise InputRejected(
             f"line {point.line} is no restart point of the planner", path=program, remedy=f"{near}, or --force"
         )
-    return _planned(data, point, tape, doubt, is_lifted=heights.retract_z_mm is not None)
+    planned = _planned(data, point, tape, doubt, is_lifted=heights.retract_z_mm is not None)
+    return replace(planned, stopped=stopped)
 
 
 def confirm(plan: Plan, *, is_yes: bool) -> None:
@@ -115,7 +118,8 @@ def confirm(plan: Plan, *, is_yes: bool) -> None:
         said = ["the block is your choice: what lies before it is not cut; look at the part"]
     else:
         first, last = plan.doubt
-        said = [f"lines {first} to {last} are in doubt: sent, perhaps not executed"]
+        said = [] if plan.stopped is None else [f"the stopped job is {_name_of(plan.stopped)}"]
+        said.append(f"lines {first} to {last} are in doubt: sent, perhaps not executed")
     said.append(f"restart at {where}: everything from there on is cut again, nothing before it")
     if not plan.is_lifted:
         said.append(
@@ -186,13 +190,18 @@ def _heights(state: State, profile: MachineProfile) -> Heights:
     )
 
 
-def _lines_in_doubt(tape: Tape, machine: tuple[str, MachineProfile], *, is_forced: bool) -> tuple[int, int]:
-    """The first and the last line of this program that the last job on it may or may not have executed."""
+def _stopped_job(tape: Tape, machine: str, port: str | None, *, is_forced: bool) -> PastJob:
+    """The last job of this program that sent anything through this port, which another port's jobs tell nothing of."""
     sha = tape.program_sha256
     jobs = [past for past in past_jobs(state_folder()) if sha in (_sha_of(past), _restarted(past))]
+    jobs = [past for past in jobs if not past.values.get("rehearsal") and _has_sent(past)]
     if not jobs:
         raise JournalMismatch("no job of exactly this program is on record; use --start-at, or send it from its start")
-    last = jobs[-1]
+    mine = jobs if port is None or is_forced else [past for past in jobs if _is_through(past, port)]
+    if not mine:
+        what = f"no job of this program through {port} is on record; the last was {_name_of(jobs[-1])}"
+        raise JournalMismatch(f"{what}; name its port, or --force if this one leads to the same control")
+    last = mine[-1]
     if last.outcome == "RUNNING":
         raise JournalMismatch(f"the last job of this program ({last.job}) is RUNNING; there is nothing to resume")
     if last.outcome == "SENT":
@@ -201,16 +210,44 @@ def _lines_in_doubt(tape: Tape, machine: tuple[str, MachineProfile], *, is_force
         )
         raise JournalMismatch(f"{what} knows; restart with --start-at and the block that the control shows")
     name = last.values.get("machine")
-    if name not in (None, machine[0]) and not is_forced:
-        raise JournalMismatch(f"the stopped job ran on the machine {name}, this is {machine[0]}; give --machine {name}")
+    if name not in (None, machine) and not is_forced:
+        raise JournalMismatch(f"the stopped job ran on the machine {name}, this is {machine}; give --machine {name}")
+    return last
+
+
+def _lines_in_doubt(last: PastJob, tape: Tape, profile: MachineProfile) -> tuple[int, int]:
+    """The first and the last line of this program that the stopped job may or may not have executed."""
     if last.outcome == "INTERRUPTED":
-        return doubt_of_interrupted(last.values, tape, machine[1].control)
+        return doubt_of_interrupted(last.values, tape, profile.control)
     first, end = last.values.get("in_doubt") or (1, 1)
     restart = last.values.get("restart")
     if not isinstance(restart, dict):
         return int(first), int(end)
     shift = int(restart["line"]) - 1 - int(restart["lines_before"])
     return max(int(restart["line"]), int(first) + shift), max(int(restart["line"]), int(end) + shift)
+
+
+def _has_sent(past: PastJob) -> bool:
+    """Whether bytes of it may have left; the journal of a job without a record lags behind."""
+    return past.values.get("bytes_sent") != 0 or past.outcome in ("INTERRUPTED", "RUNNING")
+
+
+def _is_through(past: PastJob, port: str) -> bool:
+    """Whether a job went through this port: by its name, or by the identity of what bears this name now."""
+    if past.values.get("port") == port:
+        return True
+    if "://" in port:
+        return False
+    return _identity_of(past) == identity_of(device_of(port))
+
+
+def _identity_of(past: PastJob) -> object:
+    return past.values.get("port_identity") or past.values.get("identity")
+
+
+def _name_of(past: PastJob) -> str:
+    """A job as the operator remembers it."""
+    return f"{past.job}, started {past.values.get('started', '--')}, through {past.values.get('port', '--')}"
 
 
 def _restarted(past: PastJob) -> str | None:

@@ -107,11 +107,11 @@ class Sender:
         return events + (self._move(Cause.XOFF, now_s) if self._is_held_by_peer else [])
 
     def pause(self, now_s: float) -> list[Event]:
-        """Stop at the end of the block that is under way."""
-        if self.state not in (JobState.SENDING, JobState.HELD):
+        """Stop at the end of the block that is under way; in ARMED before the first byte, once the XON has come."""
+        if self.state not in (JobState.ARMED, JobState.SENDING, JobState.HELD):
             return []
         self._stop_at = self.tape.next_block_end(self.offset_bytes) if self.is_cut else self.offset_bytes
-        return self._stop_if_reached(now_s)
+        return [] if self.state is JobState.ARMED else self._stop_if_reached(now_s)
 
     def resume(self, now_s: float) -> list[Event]:
         """Go on after a pause; the only way from PAUSED to SENDING."""
@@ -250,7 +250,7 @@ class Sender:
             self.tally.unasked_xon_count += 1
             return self._suspicion.unasked_xon(now_s, self.offset_bytes)
         self._is_held_by_peer = False
-        held_s = self.tally.resumed(now_s)
+        held_s = self.tally.resumed(self.offset_bytes, now_s)
         return [Resumed(now_s, self.offset_bytes, held_s), *self._move(Cause.XON, now_s)]
 
     def _noise(self, data: bytes, now_s: float) -> list[Event]:
@@ -265,18 +265,31 @@ class Sender:
             return [*events, found, *self._move(Cause.DISTURBED, now_s)]
         return [*events, found]
 
+    def still_queued(self, late_s: float, now_s: float) -> list[Event]:
+        """DRAINING, and blocks wait in the system's queue: the control holds, as it may for as long as in HELD."""
+        return self._held_for(late_s, now_s)
+
     def _tick_held(self, now_s: float) -> list[Event]:
         held_s = now_s - self._since_s
         if self._stop_at is not None and self._stop_at <= self.offset_bytes:
             return self._stop_if_reached(now_s)
-        if held_s >= _TRAILER_WAIT_S and self._is_only_trailer_left(now_s):
+        if held_s >= self._trailer_wait_s and self._is_only_trailer_left(now_s):
             return self._leave_trailer(now_s)
+        return self._held_for(held_s, now_s)
+
+    def _held_for(self, held_s: float, now_s: float) -> list[Event]:
+        """What a hold of this length calls for: the time-out, or one warning."""
         if 0 < self.rules.hold_timeout_s <= held_s:
             return self._alarmed(Cause.HOLD_TIMEOUT, alarms.HOLD_TIMEOUT, f"{held_s:.0f} s", now_s)
         if 0 < self.rules.hold_warning_s <= held_s and not self._is_hold_warned:
             self._is_hold_warned = True
             return [alarms.LONG_HOLD.at(now_s, self.offset_bytes, f"{held_s:.0f} s")]
         return []
+
+    @property
+    def _trailer_wait_s(self) -> float:
+        """How long a trailer is offered to a control that holds; less where the operator gives it less."""
+        return min(_TRAILER_WAIT_S, self.rules.hold_timeout_s or _TRAILER_WAIT_S)
 
     def _is_only_trailer_left(self, now_s: float) -> bool:
         is_essential_gone = self.offset_bytes >= self.tape.end.essential_bytes and now_s >= self.clock.idle_at_s
@@ -292,7 +305,7 @@ class Sender:
         if self.rules.hold_warning_s > 0 and not self._is_hold_warned:
             waits.append(self.rules.hold_warning_s)
         if self.offset_bytes >= self.tape.end.essential_bytes:
-            waits.append(_TRAILER_WAIT_S)
+            waits.append(self._trailer_wait_s)
         return self._since_s + min(waits, default=math.inf)
 
     def _is_plain(self, count_bytes: int) -> bool:

@@ -24,7 +24,7 @@ from dnc.names import JobNames, new_job_id
 from dnc.places import made_state_folder, state_folder
 from dnc.port import Port, SerialPort
 from dnc.profile import Link, MachineProfile, load_profile, profile_path
-from dnc.progress import Ticker, event_lines, job_line, tell, working
+from dnc.progress import Ticker, event_lines, job_line, silence_output, tell, working
 from dnc.spool import load_tape
 from dnc.stamp import refuse_contradiction
 from dnc.tape import Tape
@@ -110,7 +110,8 @@ def _restarted(tape: Tape, profile: MachineProfile, wishes: Wishes, job: Planned
     if wishes.start_at is not None and wishes.resume:
         raise click.UsageError("give --start-at or --resume, not both")
     machine = (wishes.machine, profile)
-    plan = plan_restart(wishes.program, tape, machine, wishes.start_at, job, is_forced=wishes.force)
+    chosen = wishes.start_at
+    plan = plan_restart(wishes.program, tape, machine, chosen, job, port=wishes.port, is_forced=wishes.force)
     confirm(plan, is_yes=wishes.yes)
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / wishes.program.name
@@ -248,11 +249,11 @@ def _rehearsed(finished: Finished, mill: Rehearsal, tape: Tape, wishes: Wishes, 
 def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restart: dict[str, Any] | None) -> Finished:
     for warning in line_warnings(profile, port):
         tell(f"warning: {warning}")
-    names = JobNames(new_job_id(), str(wishes.program), wishes.machine, restart)
+    names = JobNames(new_job_id(), str(wishes.program), wishes.machine, restart, is_rehearsal=wishes.dry_run)
     about: dict[str, Any] = {"job": names.job_id, "program": names.program, "machine": names.machine}
     about |= {"port": port.name, "simulated": port.is_simulated}
     hooks = hooks_of(wishes.hook, wishes.webhook, about, lambda text: tell(f"warning: {text}"))
-    job = Job(tape, port, profile, names, [event_lines(port.is_simulated), *hooks])
+    job = Job(tape, port, profile, names, [event_lines(port.is_simulated, lambda: job.stream.is_leaving), *hooks])
     with Ticker(lambda: job_line(job.sender, port.is_simulated), sys.stderr):
         finished = job.run()
     if job.unheard_events:
@@ -267,13 +268,19 @@ def _ending(finished: Finished, wishes: Wishes) -> int:
     text = json.dumps(finished.report, indent=1)
     label = "SIMULATED: " if finished.report["simulated"] else ""
     tell(f"{label}{finished.sentence}")
-    if wishes.as_json:
-        click.echo(text)
+    code = finished.exit_code
     if wishes.report is not None:
         try:
             write_file(wishes.report, f"{text}\n".encode())
         except InputRejected as problem:
             tell(f"{problem}; the job itself ended as said before")
             # Not 3: who reads that takes the program for refused and sends it again.
-            return finished.exit_code or ExitCode.SETTINGS
-    return finished.exit_code
+            code = code or ExitCode.SETTINGS
+    if wishes.as_json:
+        try:
+            click.echo(text)
+        except OSError as problem:
+            silence_output()
+            tell(f"the report cannot be written to stdout: {problem.strerror}; the job itself ended as said before")
+            code = code or ExitCode.SETTINGS
+    return code

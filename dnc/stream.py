@@ -70,6 +70,11 @@ class Stream:
         self._waited_from_s = 0.0
         self.hold_ups = HoldUps(_HOLD_UP_S, _HOLD_UPS_KEPT)
 
+    @property
+    def is_leaving(self) -> bool:
+        """Whether the process ends as soon as the job is paused."""
+        return self.last_command is Command.LEAVE
+
     def command(self, command: Command) -> None:
         """Ask something of the running job."""
         self._commands.append(command)
@@ -236,14 +241,18 @@ class Stream:
         return not self._is_full
 
     def _is_drained(self, now_s: float) -> bool:
-        """Whether the system's queue is empty, or will not empty because the control has stopped reading."""
-        queued = self.port.queued_bytes()
+        """Whether the system's queue is empty, or holds no block that a control still reads; it may hold for long."""
+        queued, sender = self.port.queued_bytes(), self.sender
         if not queued:
             return True
         self._retry_at_s = now_s + _FLOW_POLL_S
-        if now_s < self.sender.clock.idle_at_s + _DRAIN_S:
+        late_s = now_s - sender.clock.idle_at_s
+        if late_s < _DRAIN_S:
             return False
-        self.sender.note = f"the control stopped reading; {queued} bytes were still in the system's queue"
+        if sender.offset_bytes - queued < sender.tape.end.essential_bytes:
+            self._report(sender.still_queued(late_s, now_s))
+            return False
+        sender.note = f"the control stopped reading; {queued} bytes were still in the system's queue"
         self.port.purge()  # close would wait for them
         return True
 

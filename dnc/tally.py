@@ -24,6 +24,7 @@ class Tally:
     noise_bytes: int = 0
     inflight_at_xoff_bytes_max: int = 0
     held_s: float = 0.0
+    xon_offset_bytes: int | None = None
     first_s: float | None = None
     active_s: float = 0.0
     last_s: float = 0.0
@@ -45,8 +46,9 @@ class Tally:
         self.inflight_at_xoff_bytes_max = max(self.inflight_at_xoff_bytes_max, inflight_bytes)
         self._held_since_s = now_s
 
-    def resumed(self, now_s: float) -> float:
-        """The control said XON; returns how long it had held."""
+    def resumed(self, offset_bytes: int, now_s: float) -> float:
+        """The control said XON, and this much had been sent; returns how long it had held."""
+        self.xon_offset_bytes = offset_bytes
         held_s = 0.0 if self._held_since_s is None else now_s - self._held_since_s
         self._held_since_s = None
         self.held_s += held_s

@@ -74,7 +74,7 @@ class LineIndex:
         while at < offset:
             chunk = tape.peek(at, min(_CHUNK_BYTES, offset - at))
             line += chunk.count(self.mark)
-            if not chunk or at + len(chunk) >= offset:
+            if at + len(chunk) >= min(offset, tape.size_bytes):
                 break
             at += len(chunk) - self._torn_bytes(chunk)
         return line
@@ -107,6 +107,7 @@ class Tape:
         self.sha256, self.program_sha256 = sha256, program_sha256
         self.size_bytes = os.fstat(spool).st_size
         self.leader_bytes = frame.leader_bytes
+        self.trailer_from = self.size_bytes - frame.trailer_bytes
         self.block_end = frame.block_end
         self.lines = lines
         self.end = _tape_end(self, frame)
@@ -126,8 +127,8 @@ class Tape:
         return os.pread(self._spool, count, max(0, offset))
 
     def is_block_end(self, offset: int) -> bool:
-        """Whether a block ended just before this byte; the start of the program, its closing % and the end count."""
-        if offset <= self.leader_bytes or offset == self.end.whole_to or offset >= self.size_bytes:
+        """Whether a block ended just before this byte; the start, the closing % and all of the trailer count."""
+        if offset <= self.leader_bytes or offset == self.end.whole_to or offset >= self.trailer_from:
             return True
         size = len(self.block_end)
         return self.peek(offset - size, size) == self.block_end

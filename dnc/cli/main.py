@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import difflib
 import errno
 import importlib
@@ -129,8 +128,9 @@ def _usage_sentence(error: click.ClickException, arguments: list[str]) -> str:
 
 def _no_space(error: OSError) -> int:
     """The disk behind stdout, or behind a file of ours, is full."""
-    with contextlib.suppress(OSError, ValueError):  # what is still to be written must not fail again at the very end
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    from dnc.progress import silence_output
+
+    silence_output()
     what = error.filename or "the output"
     click.echo(f"dnc: {what} cannot be written: {error.strerror}; free some space and run it again", err=True)
     return int(ExitCode.REJECTED)

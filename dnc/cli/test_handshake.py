@@ -20,9 +20,17 @@ from dnc.numbers import LONGEST_S, Number
     "--resume-wait", "resume_wait_s", type=Number(0, LONGEST_S), default=120.0, show_default=True, help="s to raise it"
 )
 @click.option("--yes", is_flag=True, help="the override is at 0 and the axes may move by 0.01 mm")
+@click.option("--control-was-reset", is_flag=True, help="the control was reset after the last job was cut off")
 @click.option("--json", "as_json", is_flag=True, help="print a report to stdout")
 def command(
-    port: str, machine: str, baud: int | None, form: str | None, resume_wait_s: float, yes: bool, as_json: bool
+    port: str,
+    machine: str,
+    baud: int | None,
+    form: str | None,
+    resume_wait_s: float,
+    yes: bool,
+    control_was_reset: bool,
+    as_json: bool,
 ) -> int:
     """Set the feed override to 0, start external execution at the control: sending must stop, then go on when raised.
 
@@ -31,6 +39,7 @@ def command(
     """
     import msgspec
 
+    from dnc.aftermath import refuse_dirty_control
     from dnc.examiner import examine
     from dnc.sending import link_with, machine_profile, open_port
 
@@ -41,8 +50,14 @@ def command(
     profile = machine_profile(machine)
     profile = msgspec.structs.replace(profile, link=link_with(profile.link, {"baud": baud, "format": form}))
     opened = open_port(port, profile.link)
-    report = examine(opened, profile, machine, resume_wait_s, lambda text: click.echo(f"dnc: {text}", err=True))
-    label = "SIMULATED: " if report["simulated"] else ""
+    try:
+        # Blocks of a job that was cut off would be executed when the override is raised: --yes does not speak of them.
+        refuse_dirty_control(opened.identity, is_yes=False, was_reset=control_was_reset)
+    except BaseException:
+        opened.close()
+        raise
+    label = "SIMULATED: " if opened.is_simulated else ""
+    report = examine(opened, profile, machine, resume_wait_s, lambda text: click.echo(f"dnc: {label}{text}", err=True))
     held = "; reset the control, it still holds moves of this test" if report["bytes_sent"] else ""
     click.echo(f"dnc: {label}{report['verdict']}{held}", err=True)
     if as_json:

@@ -5,16 +5,24 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 
+from dnc.events import JobState
 from dnc.stream import Command
 
 _ORDERS = {"pause": Command.PAUSE, "resume": Command.RESUME, "abort": Command.ABORT}
+
+_UNDER_WAY = frozenset({JobState.ARMED, JobState.SENDING, JobState.HELD})
+_FOR = {
+    Command.PAUSE: _UNDER_WAY,
+    Command.RESUME: frozenset({JobState.PAUSED}),
+    Command.ABORT: _UNDER_WAY | {JobState.PAUSED, JobState.DRAINING},
+}
 
 
 class Lease:
     """Takes orders as JSON lines: {"do": "lease"}, then {"do": "pause"}, "resume", "abort"; {"do": "release"}."""
 
-    def __init__(self, command: Callable[[Command], None]) -> None:
-        self._command = command
+    def __init__(self, command: Callable[[Command], None], state: Callable[[], JobState]) -> None:
+        self._command, self._state = command, state
         self._holder: int | None = None
 
     @property
@@ -47,5 +55,8 @@ class Lease:
         command = _ORDERS.get(wanted) if isinstance(wanted, str) else None
         if command is None:
             return {"answer": "refused", "why": f"orders are {', '.join(_ORDERS)}"}
+        state = self._state()
+        if state not in _FOR[command]:
+            return {"answer": "refused", "why": f"{wanted} changes nothing while the job is {state.value}"}
         self._command(command)
         return {"answer": "ok", "do": wanted}

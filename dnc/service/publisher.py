@@ -36,7 +36,7 @@ class Publisher:
     def __init__(self, folder: Path, view: JobView, command: Callable[[Command], None]) -> None:
         self.path = socket_path(folder, view.names.job_id)
         self._view = view
-        self._lease = Lease(command)
+        self._lease = Lease(command, lambda: view.sender.state)
         self._selector = selectors.DefaultSelector()
         self._watchers: dict[socket.socket, bytearray] = {}
         self._is_closing = threading.Event()

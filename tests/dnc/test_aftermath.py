@@ -107,6 +107,13 @@ def test_a_job_that_a_fault_of_ours_ended_is_interrupted(state: Path) -> None:
     assert [(job.job, job.outcome) for job in past_jobs(state)] == [("1", "INTERRUPTED"), ("2", "SENT")]
 
 
+@pytest.mark.parametrize("outcome", ["PAUSED", "NOT_STARTED"])
+def test_a_job_that_ended_with_a_word_is_not_interrupted(outcome: str, state: Path) -> None:
+    """(5.7; section 7) SIGTERM, or no first XON: the job told what it had sent."""
+    append_record(state, {"job": "1", "outcome": outcome, "bytes_sent": 40})
+    assert [(job.job, job.outcome) for job in past_jobs(state)] == [("1", outcome)]
+
+
 def test_a_line_that_does_not_fit_is_not_begun(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """(5.7; fault H2) The disk takes half of it: the record is as it was, and the caller hears of it."""
     append_record(state, {"job": "1", "outcome": "SENT"})

@@ -26,7 +26,7 @@ from dnc.pacing import Pace
 from dnc.port import SerialPort
 from dnc.profile import Control, Link, load_profile
 from dnc.progress import printable
-from dnc.record import doubt_words, in_doubt
+from dnc.record import doubt_of, doubt_words, in_doubt
 from dnc.sending import line_warnings
 from dnc.shipped import shipped_path
 from tests.helpers.line import XOFF, XON, alarm_ids, drain, read_until, sender_of, tape_of
@@ -95,6 +95,27 @@ def test_a_lost_xoff_ends_by_the_controls_alarm(tmp_path: Path) -> None:
     doubt = in_doubt(tape, sender.offset_bytes, 3, Control(receive_buffer_bytes=200, lookahead_blocks=2))
     assert doubt is not None
     assert "in doubt from line" in doubt_words(tape, doubt)
+
+
+def test_after_an_overrun_only_what_xon_proved_counts_as_executed(tmp_path: Path) -> None:
+    """(fault L3) The control kept no byte behind its full buffer: blocks never seen were called executed."""
+    tape = tape_of(tmp_path, PROGRAM)
+    control = Control(receive_buffer_bytes=200, xoff_free_bytes=50, xon_fill_bytes=60, lookahead_blocks=2)
+    sender = sender_of(tape)
+    sender.start(0.0)
+    drain(sender, 0.0, until_s=0.3)
+    sender.hear(XOFF, 0.3)
+    sender.hear(XON, 0.4)
+    at_xon = sender.offset_bytes
+    drain(sender, 0.4, until_s=1.4)
+    assert sender.offset_bytes - at_xon > 400
+    sender.hear(b"\x13\x15", 1.4)
+    doubt = doubt_of(sender, control)
+    assert doubt is not None
+    held_back = control.xon_fill_bytes + sender.clock.pace.inflight_max_bytes
+    assert doubt.first == tape.lines.line_at(tape, at_xon - held_back) - 2
+    assert f"what lies before line {doubt.first} (N" in doubt_words(tape, doubt)
+    assert "if the control took" not in doubt_words(tape, doubt)
 
 
 def test_a_spurious_xoff_is_a_short_hold(tmp_path: Path) -> None:

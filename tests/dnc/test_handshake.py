@@ -41,6 +41,7 @@ def test_every_running_state_can_be_aborted_and_lost() -> None:
         (b"ab\x13c", [Heard(Signal.NOISE, data=b"ab"), Heard(Signal.XOFF), Heard(Signal.NOISE, data=b"c")]),
         (b"\x13\x16", [Heard(Signal.XOFF), Heard(Signal.RESET)]),
         (b"\x93\x95", [Heard(Signal.XOFF, is_masked=True), Heard(Signal.ALARM)]),
+        (b"\x13 \x15", [Heard(Signal.XOFF), Heard(Signal.NOISE, data=b" \x15")]),
         (b"\x16\x15", [Heard(Signal.NOISE, data=b"\x16\x15")]),
     ],
 )

@@ -10,6 +10,8 @@ from dnc import alarms
 from dnc.events import JobState
 from dnc.handshake import Cause
 from dnc.pacing import Pace
+from dnc.profile import Control
+from dnc.record import in_doubt
 from tests.helpers.line import XOFF, XON, alarm_ids, drain, sender_of, states, tape_of
 
 PROGRAM = b"".join(b"N%d G1 X%d\n" % (index * 10, index) for index in range(1, 41)) + b"M30\n%\n"
@@ -42,6 +44,41 @@ def test_a_pause_never_runs_past_the_block(tmp_path: Path, inflight: int) -> Non
     assert sender.state is JobState.PAUSED
     assert (out + more).endswith(b"\n")
     assert more.count(b"\n") <= 1
+
+
+def test_a_pause_before_the_first_xon_sends_nothing(tmp_path: Path) -> None:
+    """(5.4, 5.7) It was answered with ok and forgotten: the job began when the XON came."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM), waits_for_xon=True)
+    sender.start(0.0)
+    assert sender.pause(1.0) == []
+    assert sender.is_pausing
+    sender.hear(XON, 2.0)
+    assert sender.take(1000, 2.0) == b""
+    assert states(sender.tick(2.0)) == [JobState.PAUSED]
+    assert states(sender.resume(3.0)) == [JobState.SENDING]
+    assert drain(sender, 3.0)[0] == PROGRAM
+
+
+def test_the_trailer_holds_no_block(tmp_path: Path) -> None:
+    """(5.4, 5.7) A pause there stops at once, and an abort cuts nothing."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM, trailer="\\NUL*200"))
+    sender.start(0.0)
+    _, now_s = drain(sender, 0.0, until_s=len(PROGRAM) * 0.001 + 0.05)
+    assert len(PROGRAM) < sender.offset_bytes < sender.tape.size_bytes
+    assert not sender.is_cut
+    assert states(sender.pause(now_s)) == [JobState.PAUSED]
+    doubt = in_doubt(sender.tape, sender.offset_bytes, 0, Control())
+    assert doubt is not None
+    assert doubt.last == PROGRAM.count(b"\n")
+
+
+def test_a_control_that_stops_at_m30_is_not_a_hold_timeout(tmp_path: Path) -> None:
+    """(5.4) --hold-timeout 1 came before the 2 s that a trailer is offered for: FAULTED, exit 5, where all was sent."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM, trailer="\\NUL*200"), hold_timeout_s=1.0)
+    sender.start(0.0)
+    _, now_s = drain(sender, 0.0, until_s=len(PROGRAM) * 0.001 + 0.05)
+    sender.hear(XOFF, now_s)
+    assert states(sender.tick(now_s + 1.5)) == [JobState.SENT]
 
 
 def test_pause_while_held_in_a_block_waits_for_its_end(tmp_path: Path) -> None:

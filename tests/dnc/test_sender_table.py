@@ -71,6 +71,11 @@ def stop_reading_in_the_trailer(sender: Sender) -> list[Event]:
     return [*sender.hear(XOFF, held_s), *sender.tick(held_s + 5.0)]
 
 
+def hold_for_long(sender: Sender) -> list[Event]:
+    is_draining = sender.state is JobState.DRAINING
+    return sender.still_queued(LATER_S, LATER_S) if is_draining else sender.tick(LATER_S)
+
+
 WAYS: dict[Cause, Callable[[Sender], list[Event]]] = {
     Cause.START: lambda sender: sender.start(LATER_S),
     Cause.START_AND_WAIT: start_and_wait,
@@ -83,7 +88,7 @@ WAYS: dict[Cause, Callable[[Sender], list[Event]]] = {
     Cause.ALL_TAKEN: take_all,
     Cause.DRAINED: lambda sender: sender.tick(LATER_S),
     Cause.TRAILER_LEFT: stop_reading_in_the_trailer,
-    Cause.HOLD_TIMEOUT: lambda sender: sender.tick(LATER_S),
+    Cause.HOLD_TIMEOUT: hold_for_long,
     Cause.DISTURBED: lambda sender: sender.disturb(alarms.SLEPT, "9 s", LATER_S),
     Cause.ABORT: lambda sender: sender.abort(LATER_S),
     Cause.CONTROL_RESET: lambda sender: sender.hear(XOFF + b"\x16", LATER_S),

@@ -8,6 +8,8 @@ import os
 import time
 from pathlib import Path
 
+import pytest
+
 from dnc.errors import PortLost
 from dnc.events import Event, JobState
 from dnc.pacing import Pace
@@ -62,13 +64,14 @@ class StuckPort(BrokenPort):
     """A port whose system takes everything and whose control then reads no more."""
 
     taken_bytes = 0
+    stuck_bytes = 2
 
     def write(self, data: bytes) -> int:
         self.taken_bytes += len(data)
         return len(data)
 
     def queued_bytes(self) -> int:
-        return 0 if self.taken_bytes < len(PROGRAM) else 7
+        return 0 if self.taken_bytes < len(PROGRAM) else self.stuck_bytes
 
 
 def test_what_a_control_no_longer_reads_is_thrown_away(tmp_path: Path) -> None:
@@ -79,7 +82,32 @@ def test_what_a_control_no_longer_reads_is_thrown_away(tmp_path: Path) -> None:
     stream = Stream(sender, port, NoJournal(), lambda _: None, clock=lambda: float(next(seconds)))  # type: ignore[arg-type]
     stream.run()
     assert (sender.state, port.is_purged) == (JobState.SENT, True)
-    assert "7 bytes were still in the system's queue" in sender.note
+    assert "2 bytes were still in the system's queue" in sender.note
+    stream.close()
+    port.close()
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_blocks_that_the_control_has_not_taken_are_waited_for(tmp_path: Path, *, goes_on: bool) -> None:
+    """(5.3, 5.4; faults A9, C6) M0 or a tool change near the end: M30 was thrown away after 2 s and called SENT."""
+    port = StuckPort(PortLost(""))
+    port.stuck_bytes = len(b"30\n%\n")
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(1e-9, 64, 0.0, slack=0.0), hold_timeout_s=0 if goes_on else 600)
+    seconds = itertools.count()
+    told: list[Event] = []
+
+    def clock() -> float:
+        now_s = float(next(seconds))
+        if goes_on and now_s > 100_000:
+            port.stuck_bytes = 0
+        return now_s
+
+    stream = Stream(sender, port, NoJournal(), told.append, clock=clock)  # type: ignore[arg-type]
+    stream.run()
+    if goes_on:
+        assert (sender.state, port.is_purged, alarm_ids(told)) == (JobState.SENT, False, ["DNC-L1"])
+    else:
+        assert (sender.state, alarm_ids(told)) == (JobState.FAULTED, ["DNC-L1", "DNC-L1T"])
     stream.close()
     port.close()
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import signal
 import socket
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 
@@ -34,8 +36,18 @@ def only_alarm(report: dict[str, object]) -> str:
     return str(alarm["id"])
 
 
-def wait_for_state(folder: Path, *wanted: str, sent: int = 1) -> dict[str, object]:
+def wait_for_pausing(folder: Path) -> None:
+    """Watch the job's socket until a pause has been asked for, or the job has come to rest."""
+    wait_for(folder, lambda values: bool(values["is_pausing"]) or values["state"] not in ("SENDING", "HELD"))
+
+
+def wait_for_state(folder: Path, *wanted: str, sent: int = 1) -> dict[str, Any]:
     """Watch the job's socket until it is in one of these states with this many bytes sent."""
+    return wait_for(folder, lambda values: values["state"] in wanted and values["bytes_sent"] >= sent)
+
+
+def wait_for(folder: Path, is_so: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """Watch the job's socket until this is so of what it tells."""
     sockets = runtime_of(folder) / "dnc"
     for _ in range(2000):
         found = list(sockets.glob("job-*.sock")) if sockets.is_dir() else []
@@ -48,7 +60,7 @@ def wait_for_state(folder: Path, *wanted: str, sent: int = 1) -> dict[str, objec
         with watcher.makefile("rb") as lines:
             for line in lines:
                 values = json.loads(line)
-                if values["state"] in wanted and values["bytes_sent"] >= sent:
-                    assert isinstance(values, dict)
+                assert isinstance(values, dict)
+                if is_so(values):
                     return values
-    raise AssertionError(f"never {wanted}")
+    raise AssertionError("the job never came so far")

@@ -18,7 +18,7 @@ import pytest
 
 from dnc.journal import read_journal
 from tests.helpers.line import PeerProcess, SendProcess, runtime_of
-from tests.helpers.sending import FAST, checked, program_at, wait_for_state
+from tests.helpers.sending import FAST, checked, program_at, wait_for_pausing, wait_for_state
 
 pytestmark = pytest.mark.system
 
@@ -213,6 +213,68 @@ def ordered(watcher: socket.socket, word: str) -> dict[str, object]:
             if "answer" in values:
                 assert isinstance(values, dict)
                 return values
+
+
+def test_a_pause_before_the_first_xon(tmp_path: Path) -> None:
+    """(5.4, 5.7; fault O6) Nothing leaves when the XON comes; what changes nothing is refused."""
+    program = program_at(tmp_path, 100)
+    with (
+        PeerProcess(say_first="11", expect_bytes=1 << 30, quiet_s=60) as peer,
+        SendProcess(tmp_path, program, peer.pty, "--start", "wait-xon") as sending,
+    ):
+        wait_for_state(tmp_path, "ARMED", sent=0)
+        path = str(next((runtime_of(tmp_path) / "dnc").glob("job-*.sock")))
+        with socket.socket(socket.AF_UNIX) as one:
+            one.settimeout(10)
+            one.connect(path)
+            ordered(one, "lease")
+            assert ordered(one, "resume")["why"] == "resume changes nothing while the job is ARMED"
+            assert ordered(one, "pause")["answer"] == "ok"
+            peer.say_first()
+            assert wait_for_state(tmp_path, "PAUSED", sent=0)["bytes_sent"] == 0
+            ordered(one, "abort")
+        assert sending.finish()[0] == 7
+        assert peer.stop()["bytes_received"] == 0
+
+
+def test_an_alarm_goes_before_sigterm(tmp_path: Path) -> None:
+    """(Interface, section 6; fault H7) The control stopped while the process was about to leave: 6, not 143."""
+    with (
+        PeerProcess(baud=38400, buffer_bytes=401, eat_bytes_s=0.001, never_xon=1, say_first="15") as peer,
+        SendProcess(tmp_path, program_at(tmp_path, 300), peer.pty, FAST) as sending,
+    ):
+        wait_for_state(tmp_path, "HELD")
+        sending.child.send_signal(signal.SIGTERM)
+        wait_for_pausing(tmp_path)
+        peer.say_first()
+        code, words = sending.finish(timeout_s=10)
+    report = checked(sending.report())
+    assert (code, report["outcome"]) == ((6, "FAULTED") if report["alarms"] else (143, "PAUSED")), words
+
+
+@pytest.mark.parametrize("where", ["/dev/full", "closed"])
+def test_stdout_that_takes_nothing_loses_no_report(where: str, tmp_path: Path) -> None:
+    """(5.7, O2) --json after SENT ended with 3, "run it again", and --report was not written."""
+    program = program_at(tmp_path, 20)
+    runtime = runtime_of(tmp_path)
+    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state"), "XDG_RUNTIME_DIR": str(runtime)}
+    report = tmp_path / "sent.json"
+    with PeerProcess(baud=38400) as peer:
+        words = ["send", str(program), "--port", peer.pty, FAST, "--json", "--report", str(report)]
+        read, write = os.pipe()
+        os.close(read)
+        out = write if where == "closed" else os.open(where, os.O_WRONLY)
+        done = subprocess.run(
+            [sys.executable, "-m", "dnc", *words],
+            env=environment,
+            stdout=out,
+            stderr=subprocess.PIPE,
+            check=False,
+        )
+        os.close(out)
+    assert done.returncode == 8, done.stderr
+    assert checked(json.loads(report.read_text()))["outcome"] == "SENT"
+    assert b"the job itself ended as said before" in done.stderr
 
 
 def test_a_report_that_cannot_be_written_does_not_call_the_program_refused(tmp_path: Path) -> None:

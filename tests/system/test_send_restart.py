@@ -240,12 +240,40 @@ def test_a_job_that_cannot_be_resumed_is_exit_9(missing: str, words: str, tmp_pa
     record["program_sha256"] = hashlib.sha256(program.read_bytes()).hexdigest()
     if missing == "sidecar":
         beside.unlink()
-    append_record(tmp_path / "state/dnc", record)
-    with PeerProcess() as peer, SendProcess(tmp_path, program, peer.pty, "--resume", "--yes") as sending:
-        code, said = sending.finish()
+    with PeerProcess() as peer:
+        append_record(tmp_path / "state/dnc", {**record, "port": peer.pty})
+        with SendProcess(tmp_path, program, peer.pty, "--resume", "--yes") as sending:
+            code, said = sending.finish()
         assert peer.stop()["bytes_received"] == 0
     assert code == 9
     assert words in said
+
+
+def test_a_job_is_resumed_through_its_own_port(tmp_path: Path) -> None:
+    """(5.7; fault O4) A rehearsal, or another machine's job of the same program, tells nothing of this control."""
+    program = planned(tmp_path)
+    sha = hashlib.sha256(program.read_bytes()).hexdigest()
+    base: dict[str, object] = {"outcome": "ABORTED", "program_sha256": sha, "bytes_sent": 900}
+    with PeerProcess() as peer:
+        for number, more in enumerate((
+            {"port": peer.pty, "in_doubt": [60, 70], "started": "2026-01-02"},
+            {"port": "/dev/pts/98", "in_doubt": [200, 210], "rehearsal": True},
+            {"port": "/dev/ttyOTHER", "in_doubt": [210, 220]},
+            {"port": peer.pty, "in_doubt": None, "bytes_sent": 0, "outcome": "NOT_STARTED"},
+        )):  # fmt: skip
+            append_record(tmp_path / "state/dnc", {**base, "job": str(number), **more})
+        with SendProcess(tmp_path, program, peer.pty, "--resume") as sending:
+            code, words = sending.finish()
+        assert code == 2
+        assert f"the stopped job is 0, started 2026-01-02, through {peer.pty}" in words
+        assert "lines 60 to 70 are in doubt" in words
+        with PeerProcess() as another:
+            with SendProcess(tmp_path, program, another.pty, "--resume", "--yes") as sending:
+                code, words = sending.finish()
+            assert another.stop()["bytes_received"] == 0
+    assert code == 9
+    assert "no job of this program through" in words
+    assert "the last was 2, started --, through /dev/ttyOTHER" in words
 
 
 def test_check_first_stops_a_bad_program(tmp_path: Path) -> None:
@@ -305,19 +333,17 @@ def test_check_first_finds_a_missing_end(tmp_path: Path) -> None:
 def test_resume_refuses_another_adapter(tmp_path: Path) -> None:
     """(fault A3) Real ports only: the same name, another serial number."""
     from dnc.errors import PortUnavailable
+    from dnc.joblist import PastJob
     from dnc.restart import RestartPoint
     from dnc.resuming import Plan
 
     class Adapter:
         name, identity, is_simulated = "/dev/ttyUSB0", "usb-FTDI_B", False
 
-    plan = Plan(RestartPoint(1, None, 0, (0.0, 0.0, 0.0), (), is_inch=False), b"", 0, "ab" * 32, None, is_lifted=True)
-    record = {"job": "1", "outcome": "FAULTED", "program_sha256": "ab" * 32, "port": "/dev/ttyUSB0"}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_STATE_HOME", str(tmp_path))
-        append_record(tmp_path / "dnc", {**record, "port_identity": "usb-FTDI_A"})
-        with pytest.raises(PortUnavailable, match="another adapter"):
-            plan.refuse_other_port(Adapter(), is_forced=False)  # type: ignore[arg-type]
-        plan.refuse_other_port(Adapter(), is_forced=True)  # type: ignore[arg-type]
-        append_record(tmp_path / "dnc", {**record, "job": "2", "port_identity": "usb-FTDI_B"})
-        plan.refuse_other_port(Adapter(), is_forced=False)  # type: ignore[arg-type]
+    point = RestartPoint(1, None, 0, (0.0, 0.0, 0.0), (), is_inch=False)
+    stopped = [PastJob("1", "FAULTED", {"port_identity": identity}) for identity in ("usb-FTDI_A", "usb-FTDI_B")]
+    other, same = (Plan(point, b"", 0, "ab" * 32, None, is_lifted=True, stopped=job) for job in stopped)
+    with pytest.raises(PortUnavailable, match="another adapter"):
+        other.refuse_other_port(Adapter(), is_forced=False)  # type: ignore[arg-type]
+    other.refuse_other_port(Adapter(), is_forced=True)  # type: ignore[arg-type]
+    same.refuse_other_port(Adapter(), is_forced=False)  # type: ignore[arg-type]
