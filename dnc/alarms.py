@@ -52,7 +52,8 @@ DEAF_DRIVER = Kind(
     "DNC-L6P",
     Severity.ALARM,
     "the control sends XOFF and the driver does not obey it",
-    f"set format as at the control (7E1 if XOFF came as 0x93) or use --handshake xonxoff, then {RESTART}",
+    "abort this job (Ctrl-C); set format as at the control (7E1 if XOFF came as 0x93) or use --handshake xonxoff, "
+    f"then {RESTART}",
 )
 LOOPBACK = Kind(
     "DNC-L12",
@@ -83,7 +84,7 @@ FOREIGN_SETTINGS = Kind(
     "DNC-A5",
     Severity.ALARM,
     "another program changed the settings of the port",
-    f"end that program, then {RESTART}",
+    "end that program; resume at the console, or abort this job (Ctrl-C) and restart it",
 )
 CLOSE_STUCK = Kind("DNC-A10", Severity.WARNING, "the port did not close in time", "unplug the adapter once")
 CONTROL_RESET = Kind("DNC-C1", Severity.ALARM, "the control was reset", f"once the control is ready, {RESTART}")

@@ -30,6 +30,7 @@ class End(Enum):
     CODE = "a code of the tape"
     PERCENT = "the closing %"
     LAST = "its last block"
+    NEXT = "the header of the next program"
     SILENCE = "silence"
     OPEN = "silence behind a block that is no end of a program (M30, M2, M17, RET, %); make sure that it is whole"
     UNCLOSED = "silence, with neither the closing % nor M30, M2, M17 or RET"
@@ -77,6 +78,8 @@ class PunchIn:
                 done += self._finished(End.CODE)
             elif code not in _CODES:
                 self._data.append(code)
+                if self._data.endswith(b"%_N_"):
+                    done += self._before_header()
                 if code in b"\r\n" and self._is_closed():
                     done += self._finished(End.PERCENT)
                 elif len(self._data) >= self._limit_bytes:
@@ -97,6 +100,17 @@ class PunchIn:
         """What has come of the program that is under way, if any: nobody listens any longer."""
         is_ended = self._is_last_block() and not self._is_open_tape()
         return self._finished(End.LAST if is_ended else End.BREAK)
+
+    def _before_header(self) -> list[Received]:
+        """The program that the header of another one ends, if the last thing that came begins one."""
+        begin = len(self._data) - len(b"%_N_")
+        before, header = self._data[:begin], self._data[begin:]
+        if not before.endswith((b"\r", b"\n")) or not before.strip(b"%\r\n \t"):
+            return []
+        self._data = before
+        done = self._finished(End.NEXT if self._is_last_block() else End.OPEN)
+        self._data = header
+        return done
 
     def _is_last_block(self) -> bool:
         """Whether the last thing that came can end a program."""

@@ -16,6 +16,8 @@ from dnc.errors import InputRejected
 from dnc.port import Port
 from dnc.punch_in import PunchIn, Received
 
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
 
 @dataclass(frozen=True, slots=True)
 class Stored:
@@ -58,7 +60,7 @@ def receive(
         signals.append(number)
         os.write(stop_write, b"!")
 
-    before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, on_signal) for number in _ENDING}
     try:
         quiet_since_s = time.monotonic()
         while not 0 < count <= len(stored):

@@ -116,7 +116,8 @@ def _verdict(report: dict[str, Any] | None) -> tuple[ExitCode, str]:
         return ExitCode.CONTROL, f"the mill alarmed in line {alarm['line']}: {alarm['number']} {alarm['text']}"
     if not report["is_completed"]:
         state = report["execution"]
-        return ExitCode.LINE, f"the mill did not come to the end of the program, it stands {state}; is there an M30?"
+        what = f"the mill did not come to the end of the program, it stands {state}"
+        return ExitCode.LINE, f"{what}; is there an M30, and an end of line behind it?"
     minutes, seconds = divmod(round(report["machining_time_s"]), 60)
     found = f"the mill came to the end of the program after {minutes}:{seconds:02d} min"
     if report["starved_s"] > 0.0:

@@ -205,6 +205,13 @@ def line_warnings(profile: MachineProfile, port: Port) -> list[str]:
     return found
 
 
+def tape_warnings(tape: Tape) -> list[str]:
+    """What the tape lacks though it may be sent."""
+    if tape.peek(tape.size_bytes - 1, 1) in (b"\n", b"\r", b"%", b"\0"):
+        return []
+    return ["the last block has no end of line: the control waits for it and never runs this block; add one"]
+
+
 def open_port(name: str, link: Link) -> Port:
     """A device, a pty, or a port behind a network."""
     if "://" in name:
@@ -247,7 +254,7 @@ def _rehearsed(finished: Finished, mill: Rehearsal, tape: Tape, wishes: Wishes, 
 
 
 def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restart: dict[str, Any] | None) -> Finished:
-    for warning in line_warnings(profile, port):
+    for warning in [*line_warnings(profile, port), *tape_warnings(tape)]:
         tell(f"warning: {warning}")
     names = JobNames(new_job_id(), str(wishes.program), wishes.machine, restart, is_rehearsal=wishes.dry_run)
     about: dict[str, Any] = {"job": names.job_id, "program": names.program, "machine": names.machine}

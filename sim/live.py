@@ -156,6 +156,7 @@ class LiveMill:
         """Take blocks out of the ring, one in each block cycle, as long as the machine has room for them."""
         if self._ear is _Ear.ENDED:
             self._swallow()
+        self._skip_leader()
         cycle_s = self.profile.block_cycle_s * self.faults.slow_drain
         while self._has_room() and self._next_block_s <= now_s:
             end = self._tape.find(b"\n")
@@ -167,6 +168,13 @@ class LiveMill:
             self._orders.append(Took(end + 1))
             self._next_block_s = max(self._next_block_s, self._now_s) + cycle_s
             self._take(raw.strip(b"\r\0"), now_s)
+
+    def _skip_leader(self) -> None:
+        """NULs before a block are blank tape: a control that reads passes them over, however many they are."""
+        count = len(self._tape) - len(self._tape.lstrip(b"\0"))
+        if count and self._ear is _Ear.LISTENING:
+            del self._tape[:count]
+            self._orders.append(Took(count))
 
     def _has_room(self) -> bool:
         is_reading = self._ear is _Ear.LISTENING and self.control.execution in _READS

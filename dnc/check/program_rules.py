@@ -26,6 +26,21 @@ def missing_end(track: Track) -> Iterator[Finding]:
         )
 
 
+def last_block_end(track: Track, last_byte: bytes) -> Iterator[Finding]:
+    """No end of line behind the last block, which ends with this byte; a closing % needs none."""
+    if last_byte in (b"", b"\n", b"\r", b"%"):
+        return
+    yield Finding(
+        "no-last-end",
+        Severity.WARNING,
+        track.lines,
+        1,
+        "the last block has no end of line",
+        "a control that is fed waits for it and never runs this block",
+        "add an end of line",
+    )
+
+
 def after_end(track: Track) -> Iterator[Finding]:
     """Blocks after the end."""
     if track.end_line is not None and track.after_end_line is not None:

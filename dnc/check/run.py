@@ -25,7 +25,7 @@ from dnc.check.plain_runs import (
     stretches,
     takes_runs,
 )
-from dnc.check.program_rules import END_RULES, not_checked, wrong_stamp
+from dnc.check.program_rules import END_RULES, last_block_end, not_checked, wrong_stamp
 from dnc.check.rate import RateWindow, move_time_s, rate_findings, whole_ns
 from dnc.check.text_rules import LINE_RULES, UTF8_MARK, UTF16_MARKS, allowed_lines, encoding_mark, is_clean
 from dnc.check.track import Track
@@ -60,6 +60,7 @@ class Check:
         self.limits = limits
         self._watch = watch
         self.found = Collection()
+        self._last_byte = b""
         self.track = Track(limits, is_inch=limits.profile.control.units == "inch")
         self._settings = settings or _settings(limits, None)
         self._interpreter: Interpreter | None = Interpreter(self._settings)
@@ -71,6 +72,7 @@ class Check:
 
     def line(self, raw: bytes, number: int) -> None:
         """Check one line, its end attached."""
+        self._last_byte = raw[-1:]
         self.track.lines = number
         self._errors_here = False
         if not is_clean(raw, number, self.limits):
@@ -95,6 +97,7 @@ class Check:
 
     def chunk(self, data: bytes, first_line: int) -> int:
         """Check whole lines, those with plain blocks in bulk where that gives the same; the number of the next line."""
+        self._last_byte = data[-1:]
         lines = plain_lines(data)
         starts, is_steady = lines.starts.tolist(), steady_lines(lines) & allowed_lines(data, lines.starts, self.limits)
         count = len(is_steady)
@@ -115,6 +118,8 @@ class Check:
             self._commands(self._interpreter.finish())
         for end_rule in END_RULES:
             self.found.add(end_rule(self.track))
+        if not self.limits.profile.tape.trailer:
+            self.found.add(last_block_end(self.track, self._last_byte))
         self.found.add(rate_findings(self._windows, self.limits))
         return self.found
 

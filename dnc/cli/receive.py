@@ -48,7 +48,7 @@ def command(
     """Store what the control punches out, each program under its own name, nothing overwritten.
 
     A program that broke off is kept with the ending .partial. Exit 5 then, and if fewer than --count programs came;
-    ended by Ctrl-C 7, by SIGTERM 143.
+    ended by Ctrl-C 7, by SIGTERM 143, by SIGHUP 129.
     """
     import dataclasses
 
@@ -91,10 +91,10 @@ def _ending(haul: Haul, count: int, label: str) -> int:
     broken = next((one for one in haul.stored if not one.is_whole), None)
     what = f"{broken.path} is not whole, ended by {broken.ended_by}; punch it out again" if broken is not None else ""
     if haul.signal is not None:
-        who = "the operator" if haul.signal == signal.SIGINT else "SIGTERM"
+        who = "the operator" if haul.signal == signal.SIGINT else signal.Signals(haul.signal).name
         what = what or f"{len(haul.stored)} programs came, none was under way"
         click.echo(f"dnc: {label}ended by {who}: {what}", err=True)
-        return int(ExitCode.ABORTED) if haul.signal == signal.SIGINT else 128 + signal.SIGTERM
+        return int(ExitCode.ABORTED) if haul.signal == signal.SIGINT else 128 + haul.signal
     if what:
         raise LineFault(label + what)
     if len(haul.stored) < count:

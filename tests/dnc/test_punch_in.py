@@ -37,6 +37,14 @@ def fed(data: bytes, *, seven: bool = False) -> list[Received]:
         (b"O77\nG0\nN20 M30", [(b"O77\nG0\nN20 M30", End.SILENCE)]),
         (b"O77\nG0\nN20 M3", [(b"O77\nG0\nN20 M3", End.CUT)]),
         (b"N10 R1=5\n", [(b"N10 R1=5\n", End.OPEN)]),
+        (
+            b"%_N_A_MPF\nM30\n%_N_B_MPF\nM30\n",
+            [(b"%_N_A_MPF\nM30\n", End.NEXT), (b"%_N_B_MPF\nM30\n", End.SILENCE)],
+        ),
+        (
+            b"%_N_A_MPF\nG0\n%_N_B_MPF\nM17\n",
+            [(b"%_N_A_MPF\nG0\n", End.OPEN), (b"%_N_B_MPF\nM17\n", End.SILENCE)],
+        ),
         (b"%\nO77\nN10 G1 X2\n", [(b"%\nO77\nN10 G1 X2\n", End.UNCLOSED)]),
         (b"\x11\x13\x11\0\0", []),
     ],

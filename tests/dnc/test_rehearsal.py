@@ -30,7 +30,11 @@ ALARM = {"number": 12550, "text": "XYZ is no word", "line": 20}
         ({**DONE, "starved_s": 2.5}, ExitCode.OK, "1:05 min, 2.5 s of it waiting for blocks"),
         ({**DONE, "scallop_mm": 0.08, "gouge_mm": 0.001}, ExitCode.OK, "scallop 80.00 um, gouge 1.00 um"),
         ({**DONE, "alarms": [ALARM]}, ExitCode.CONTROL, "the mill alarmed in line 20: 12550 XYZ is no word"),
-        ({**DONE, "is_completed": False, "execution": "ACTIVE"}, ExitCode.LINE, "it stands ACTIVE; is there an M30?"),
+        (
+            {**DONE, "is_completed": False, "execution": "ACTIVE"},
+            ExitCode.LINE,
+            "it stands ACTIVE; is there an M30, and an end of line",
+        ),
         (None, ExitCode.INTERNAL, "ended without a report"),
     ],
 )

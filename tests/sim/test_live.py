@@ -95,6 +95,14 @@ def test_a_program_runs_through_a_small_buffer() -> None:
     assert panel.program == "TEST_MPF"
 
 
+def test_a_leader_longer_than_the_buffer_is_passed_over() -> None:
+    """(5.4) Blank tape is read, not kept: the mill held for ever with its buffer full of NULs."""
+    leader = b"\0" * (3 * PROFILE.receive_buffer_bytes)
+    cable = Cable(leader + PROGRAM).run(60.0)
+    assert cable.names == ["ACTIVE", "PROGRAM_COMPLETED"]
+    assert cable.mill.blocks == 42
+
+
 def test_a_number_passed_between_two_looks_at_the_panel_is_shown() -> None:
     """(2.2) Where only the short block at the start of a pass has a number, nobody may happen to look during it."""
     cable = Cable(b"N7 G1 G90 X1 Y0 Z500 F3000\nX100 F60\nM30\n").run(5.0)

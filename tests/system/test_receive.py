@@ -76,7 +76,7 @@ def test_a_program_cut_by_the_operator_is_kept_as_partial(tmp_path: Path) -> Non
     assert words[-1].endswith("O77.partial is not whole, ended by a break in the middle; punch it out again")
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 7), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 7), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_program_that_said_m30_is_whole_whoever_ends_the_listening(
     number: signal.Signals, code: int, tmp_path: Path
 ) -> None:

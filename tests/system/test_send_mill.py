@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.helpers.line import SendProcess, runtime_of
+from tests.helpers.line import PeerProcess, SendProcess, runtime_of
 from tests.helpers.mill import MillProcess, small_machine
 from tests.helpers.schemas import validated
 from tests.helpers.sending import wait_for_state
@@ -204,6 +204,22 @@ def test_verdicts_on_a_cable(tmp_path: Path, faults: tuple[str, ...], exit_code:
         )  # fmt: skip
     assert (ran.returncode, verdict in ran.stderr) == (exit_code, True), ran.stderr
     assert ("reset the control, it still holds moves" in ran.stderr) == ("no XON" not in verdict)
+
+
+def test_handshake_test_asks_for_a_reset_of_a_control_that_holds_a_cut_job(tmp_path: Path) -> None:
+    """(5.9; fault C10) Raising the override would have executed the old job's blocks."""
+    program = tmp_path / "part.mpf"
+    program.write_bytes(b"G1 X1 F1\n" * 500 + b"M30\n")
+    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
+    with PeerProcess(quiet_s=0) as peer:
+        with SendProcess(tmp_path, program, peer.pty) as sending:
+            wait_for_state(tmp_path, "SENDING", sent=500)
+            sending.child.send_signal(signal.SIGINT)
+            assert sending.finish()[0] == 7
+        words = [sys.executable, "-m", "dnc", "test-handshake", "--port", peer.pty, "--yes"]
+        ran = subprocess.run(words, env=environment, capture_output=True, check=False, text=True, timeout=60)
+    assert ran.returncode == 9, ran.stderr
+    assert "--control-was-reset" in ran.stderr
 
 
 def test_handshake_test_on_the_mill(tmp_path: Path) -> None:

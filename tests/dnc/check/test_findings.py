@@ -50,6 +50,7 @@ EXAMPLES: dict[Row, str] = {
     ("no-header", "note"): START + "X9 F250\n" + END,
     ("stray-percent", "note"): part("X9 F250\n%\n"),
     ("no-end", "error"): NAME + START + "X9 F250\nG0 Z50\nM5\n",
+    ("no-last-end", "warning"): part("X9 F250\n").rstrip("\n"),
     ("after-end", "warning"): part("X9 F250\n") + "X9\n",
     ("no-feed", "error"): NAME + START.replace(" F100", "") + "X9 F250\n" + END,
     ("no-spindle", "error"): NAME + START.replace("S1000 M3\n", "") + "X9 F250\n" + END,
