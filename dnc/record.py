@@ -94,13 +94,20 @@ def doubt_words(tape: Tape, doubt: InDoubt | None, restart: Mapping[str, Any] | 
     return f"{done}in doubt from {first} to {last}; nothing behind it was sent whole"
 
 
-def _place(tape: Tape, line: int, restart: Mapping[str, Any] | None) -> str:
-    """A line of the tape as the operator finds it."""
+def own_line(line: int, restart: Mapping[str, Any] | None) -> int | None:
+    """The line of the program's file that is this line of the tape; None in the preamble of a restart."""
     before = 0 if restart is None else int(restart["lines_before"])
     if line <= before:
+        return None
+    return line if restart is None else line - before + int(restart["line"]) - 1
+
+
+def _place(tape: Tape, line: int, restart: Mapping[str, Any] | None) -> str:
+    """A line of the tape as the operator finds it."""
+    own = own_line(line, restart)
+    if own is None:
         return f"line {line} of the restart's preamble"
     number = block_number(line_text(tape, line))
-    own = line if restart is None else line - before + int(restart["line"]) - 1
     return f"line {own} ({number})" if number else f"line {own}"
 
 

@@ -147,7 +147,7 @@ def _window(known: Known, height: int) -> list[Row]:
         is_cut = bool(block) and re.match(rf"\s*N0*{block}(?!\d)", text) is not None
         tone = {"executed": Tone.QUIET, "next": Tone.QUIET, "sent": Tone.STRONG}.get(zone, Tone.PLAIN)
         mark = "*" if is_cut else _ZONES.get(zone, " ")
-        shown.append(row(f" {mark} {one.get('line', ''):>6} ", Span(text[:80], tone)))
+        shown.append(row(f" {mark} {one.get('line') or '':>6} ", Span(text[:80], tone)))
     return shown
 
 

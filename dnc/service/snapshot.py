@@ -12,7 +12,7 @@ from dnc.handshake import Cause
 from dnc.names import JobNames
 from dnc.port import Port
 from dnc.profile import MachineProfile
-from dnc.record import InDoubt, alarm_values, block_number, in_doubt, line_text
+from dnc.record import InDoubt, alarm_values, block_number, in_doubt, line_text, own_line
 from dnc.sender import Sender
 
 SCHEMA = "dripmill.job"
@@ -57,8 +57,8 @@ class JobView:
             "bytes_sent": offset,
             "blocks_total": tape.lines.count,
             "block_sent": block_number(line_text(tape, line)) if line else None,
-            "line_sent": line,
-            "in_doubt": [doubt.first, doubt.last] if doubt else None,
+            "line_sent": self._own_line(line),
+            "in_doubt": [self._own_line(doubt.first), self._own_line(doubt.last)] if doubt else None,
             "window": self._window(doubt, line),
             "held_s": round(tally.held_now_s(now_s), 3),
             "held_now_s": round(now_s - sender.held_since_s, 3) if sender.state is JobState.HELD else 0.0,
@@ -80,8 +80,13 @@ class JobView:
             text = line_text(tape, line).decode("latin-1")
             if not text and line > tape.lines.count:
                 break
-            rows.append({"line": line, "text": text, "zone": _zone(line, doubt)})
+            rows.append({"line": own_line(line, self.names.restart), "text": text, "zone": _zone(line, doubt)})
         return rows
+
+    def _own_line(self, line: int) -> int:
+        """The line of the program's file; the preamble of a restart counts as the line that it leads to."""
+        restart = self.names.restart
+        return line if restart is None else own_line(line, restart) or int(restart["line"])
 
 
 def _zone(line: int, doubt: InDoubt | None) -> str:

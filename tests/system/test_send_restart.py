@@ -161,6 +161,25 @@ def test_a_restart_killed_on_its_way_is_resumed_from_what_it_had_sent(tmp_path: 
     assert "FIRST RAISE Z BY HAND" in words
 
 
+def test_a_restarted_job_is_told_in_lines_of_the_program(tmp_path: Path) -> None:
+    """(5.7; fault O4) Words and console named lines of the tape, of which the preamble is a part."""
+    program = planned(tmp_path, passes=40, long_from=20)
+    begin = program.read_bytes().split(b"\n").index(b"N20 G0 X0 Y20") + 1
+    options = ("--machine", str(small_buffer(tmp_path)), "--baud=19200", "--start-at", "N20", "--yes")
+    with PeerProcess(baud=19200, quiet_s=0) as peer, SendProcess(tmp_path, program, peer.pty, *options) as sending:
+        shown = wait_for_state(tmp_path, "SENDING", sent=3000)
+        sending.child.send_signal(signal.SIGINT)
+        _, words = sending.finish()
+        peer.stop()
+    lines = program.read_bytes().split(b"\n")
+    for one in shown["window"]:
+        assert one["line"] is None or lines[one["line"] - 1].decode() == one["text"]
+    assert shown["line_sent"] > begin
+    said = re.search(r"to line (\d+)(?: \(N\d+\))?; nothing behind it", words)
+    assert said is not None
+    assert begin < int(said[1]) < len(lines)
+
+
 def test_what_a_restart_says_first(tmp_path: Path) -> None:
     """(6.8) Where the profile lifts the tool nothing is asked for; another machine and a whole job are no resume."""
     program = planned(tmp_path)
