@@ -215,3 +215,10 @@ def test_a_gigabyte_takes_constant_memory(tmp_path: Path) -> None:
     assert tape.lines.line_at(tape, tape.size_bytes - 1) == tape.lines.count
     tape.close()
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 60_000
+
+
+def test_a_place_beyond_the_tape_is_its_last_line(tmp_path: Path) -> None:
+    """(5.7) A journal's bound may lie there; with a block end of two bytes and a trailer the search never ended."""
+    tape = tape_of(tmp_path, b"G1 X1\nM30\n", end_of_block="crlf", trailer="%")
+    assert tape.lines.line_at(tape, tape.size_bytes + 5000) == tape.lines.line_at(tape, tape.size_bytes) == 3
+    tape.close()
