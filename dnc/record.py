@@ -18,7 +18,7 @@ from dnc.profile import Control
 from dnc.sender import Sender
 from dnc.tape import Tape
 
-_UNTOLD = (Cause.CONTROL_ALARM, Cause.CONTROL_RESET, Cause.FAULT, Cause.LOST)
+_UNTOLD = (Cause.CONTROL_ALARM, Cause.CONTROL_RESET)
 SCHEMA = "dripmill.send"
 VERSION = 1
 _BLOCK_NUMBER = re.compile(rb"^\s*/?\d?\s*([N:]\s*\d+)", re.IGNORECASE)
@@ -60,8 +60,8 @@ def in_doubt(
 def doubt_of(sender: Sender, control: Control) -> InDoubt | None:
     """The window of a job that has ended.
 
-    After an alarm, a reset or a line that was lost nobody knows how much of what was sent the control took: its buffer
-    may have run over, or it may have been off for long. What it had executed when it last said XON is certain.
+    After an alarm or a reset nobody knows how much of what was sent the control took: its buffer may have run over.
+    What it had executed when it last said XON is certain.
     """
     inflight_bytes, proven_bytes = sender.clock.pace.inflight_max_bytes, None
     if sender.last_cause in _UNTOLD:

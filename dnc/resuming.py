@@ -259,7 +259,8 @@ def _last_point_before(points: Sequence[Point], line: int, program: Path) -> int
     before = [point.line for point in points if point.line <= line]
     if not before:
         what = f"line {line} is in doubt and no restart point lies before it"
-        raise JournalMismatch(f"{program}: {what}; send it from its start")
+        remedy = "send it from its start, or restart with --start-at and the block that the control shows"
+        raise JournalMismatch(f"{program}: {what}; {remedy}")
     return max(before)
 
 
