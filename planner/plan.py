@@ -18,20 +18,21 @@ import numpy as np
 from planner.errors import InputRejected
 from planner.job import Job, Operation, load_job, located
 from planner.path.gouge import tool_side
-from planner.path.model import Method, ToolPath
+from planner.path.model import Method, Pass, PlaneSpline, ToolPath
 from planner.path.moves import in_order
 from planner.path.strategy.angle import best_angle_rad
 from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
 from planner.post.base import write_program
-from planner.post.written import ControlLimits
+from planner.post.written import ControlLimits, Written
 from planner.report import plan_report
-from planner.shapes import kind_of, shape_layout
+from planner.shapes import Kind, kind_of, link_count, shape_layout
 from planner.surface.curvature import survey
 from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
 from planner.travel import Travel, check_part, check_program
 
 FINEST_PATH_MM = 1e-5
+LEAST_BYTES: dict[Kind, int] = {"arcs": 24, "linear": 11}  # of a block
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,13 +82,10 @@ def plan_job(
         if travel_mm is not None:
             check_part(patch, job.tool_of(operation).radius_mm, travel_mm, job_path)
         layout = _laid(job, operation, patch, job_path)
-        tool_path, written = min(
-            (
-                (path, write_program(job, operation, path, control, lift_mm=lift_mm))
-                for path in _tool_paths(job, operation, layout, control)
-            ),
-            key=lambda made: len(made[1].data),
-        )
+        tool_path, written = _smallest(job, operation, layout, control, lift_mm)
+        if not np.isfinite(written.rounding_mm):
+            what = f"the digits that the control reads do not hold path_mm {operation.path_mm:g} over this part"
+            raise InputRejected(what, remedy="give a larger part or path_mm", key=("operation", 0, "path_mm"))
         planning_s = time.perf_counter() - begin
         if travel_mm is not None:
             check_program(job, tool_path, travel_mm, job_path)
@@ -133,21 +131,58 @@ def _laid(job: Job, operation: Operation, patch: NurbsPatch, path: Path) -> Layo
     return layout
 
 
+def _smallest(
+    job: Job, operation: Operation, layout: Layout, control: ControlLimits, lift_mm: float
+) -> tuple[ToolPath, Written]:
+    """The tool path whose program is the smallest of all that the job allows."""
+
+    def written(path: ToolPath) -> tuple[ToolPath, Written]:
+        return path, write_program(job, operation, path, control, lift_mm=lift_mm)
+
+    def size_bytes(made: tuple[ToolPath, Written]) -> float:
+        return len(made[1].data) if np.isfinite(made[1].rounding_mm) else np.inf
+
+    made = [written(path) for path in _tool_paths(job, operation, layout, control)]
+    best = min(made, key=size_bytes)
+    is_given = job.post.blocks != "auto" or operation.fit == "paper"
+    if is_given or not isinstance(best[0].passes[0].shape, PlaneSpline):
+        return best
+    for kind in _smaller_kinds(layout, operation.path_mm, best[1].cutting_bytes / len(best[0].passes)):
+        with contextlib.suppress(InputRejected):
+            other = _tool_path(job, operation, layout, shape_layout(layout, kind, operation.path_mm))
+            best = min(best, written(other), key=size_bytes)
+    return best
+
+
 def _tool_paths(job: Job, operation: Operation, layout: Layout, control: ControlLimits) -> Iterator[ToolPath]:
     """The passes in the order they are cut, in every kind of shape whose program might be the smallest."""
     kinds = [kind_of(job.post.control, job.post.blocks, operation.fit, control.poly_degree)]
     if kinds == ["poly"] and job.post.blocks == "auto" and control.knot_rule_verified:
         kinds.append("free")
-    radius_mm = job.tool_of(operation).radius_mm
     for kind in kinds:
-        passes = shape_layout(layout, kind, operation.path_mm)
-        yield ToolPath(
-            passes=in_order(passes, operation.pattern),
-            radius_mm=radius_mm,
-            pick_feeds_mm=np.diff(layout.planes_mm),
-            scallops_mm=layout.peaks.height_mm,
-            scallop_method=Method.SAMPLED,
-        )
+        yield _tool_path(job, operation, layout, shape_layout(layout, kind, operation.path_mm))
+
+
+def _smaller_kinds(layout: Layout, path_mm: float, bytes_a_pass: float) -> Iterator[Kind]:
+    """Arcs or straight moves, which every control reads, where they may take fewer bytes than splines take.
+
+    Over a plane, a cylinder or a sphere they do, or where the tolerance is coarse; elsewhere their number in one pass
+    shows that they do not.
+    """
+    middle = layout.curves[len(layout.curves) // 2]
+    for kind, least_bytes in LEAST_BYTES.items():
+        if link_count(middle, kind, path_mm) * least_bytes < bytes_a_pass:
+            yield kind
+
+
+def _tool_path(job: Job, operation: Operation, layout: Layout, passes: list[Pass]) -> ToolPath:
+    return ToolPath(
+        passes=in_order(passes, operation.pattern),
+        radius_mm=job.tool_of(operation).radius_mm,
+        pick_feeds_mm=np.diff(layout.planes_mm),
+        scallops_mm=layout.peaks.height_mm,
+        scallop_method=Method.SAMPLED,
+    )
 
 
 def scallop_target_mm(operation: Operation, radius_mm: float) -> float | None:
@@ -204,8 +239,11 @@ def _check_clearance(job: Job, layout: Layout, path: Path) -> None:
     inside = layout.ground.seeds.within(surface.patch.domain)
     tops = (surface.evaluate(inside[0], inside[1]).contact[2], layout.ground.border.points.contact[2])
     top_mm = max(float(heights.max()) for heights in tops)
-    if job.setup.clearance_z_mm <= top_mm:
+    # Where the centre of the ball is programmed, the tip stands a radius lower.
+    tip_mm = job.setup.clearance_z_mm - (surface.radius_mm if job.post.reference == "centre" else 0.0)
+    if tip_mm <= top_mm:
         asked = f"clearance_z_mm {job.setup.clearance_z_mm:g}"
+        asked += f", with the tip at Z{tip_mm:g}," if job.post.reference == "centre" else ""
         what = f"{asked} is not above {surface.patch.name}, which reaches Z{top_mm:.3f}"
         remedy = "give clearance_z_mm and safe_z_mm above the part and its clamps"
         raise InputRejected(what, path=path, remedy=remedy, key=("setup", "clearance_z_mm"))

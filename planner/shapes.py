@@ -117,6 +117,12 @@ def _links_within(curves: Sequence[TracedCurve], kind: Kind, tolerance_mm: float
     raise InputRejected(what, remedy=remedy, key=("operation", 0, "path_mm"))
 
 
+def link_count(curve: TracedCurve, kind: Kind, path_mm: float) -> int:
+    """How many arcs or straight moves a pass of these takes, as far as they are laid at first."""
+    shape = _links_of(curve, kind, LINKS_AIM * FIT_SHARE * path_mm, CLOSER[0], is_held=False)
+    return len(shape.points) - 1
+
+
 def _links_of(
     curve: TracedCurve, kind: Kind, tolerance_mm: float, closer: int, *, is_held: bool
 ) -> Polyline | ArcChain:

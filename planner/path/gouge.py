@@ -62,12 +62,15 @@ def check_creases(patch: NurbsPatch, *, largest_rad: float = 1e-4) -> None:
                 raise InputRejected(what, remedy="split the patch there and plan both parts")
 
 
-def check_radius(survey: Survey, side: int, radius_mm: float) -> None:
-    """Raises InputRejected where the patch is concave with a radius at or below the ball's: the ball would gouge."""
+def check_radius(survey: Survey, side: int, radius_mm: float, stock_mm: float = 0.0) -> None:
+    """Raises InputRejected where the patch is concave with a radius at or below the ball's and the stock's together."""
     tightest = lowest(survey, lambda points: least_curvature(points, side), rounds=4)
-    if tightest.value * radius_mm <= -1.0:
+    if tightest.value * (radius_mm + stock_mm) <= -1.0:
         concave_mm = -1 / tightest.value
         what = f"{survey.patch.name} has a concave radius of {concave_mm:.3f} mm at {tightest.place}"
+        if stock_mm > 0 and concave_mm > radius_mm:
+            remedy = f"leave less than {concave_mm - radius_mm:.3f} mm of stock, or use a smaller tool"
+            raise InputRejected(what, remedy=remedy, key=("operation", 0, "stock_to_leave_mm"))
         remedy = f"the ball's is {radius_mm:g} mm: use a tool of less than {2 * concave_mm:.3f} mm diameter"
         raise InputRejected(what, remedy=remedy)
 

@@ -93,7 +93,7 @@ def fit_leanest(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[Fitte
 def _fitted(fit: FittedSpline | Failed, row: int) -> FittedSpline:
     if isinstance(fit, Failed):
         what = f"pass {row + 1} is {1e3 * fit.deviation_mm:.3g} um off at {fit.spans} spans"
-        raise InputRejected(f"{what}: {fit.end.value}", remedy="give a larger path_mm")
+        raise InputRejected(f"{what}: {fit.end.value}", remedy="give a larger path_mm", key=("operation", 0, "path_mm"))
     return fit
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from planner.errors import InputRejected
 from planner.job import Job, Operation
-from planner.path.model import ArcChain, Array, PlaneSpline, Polyline, ToolPath
+from planner.path.model import ArcChain, Array, Pass, PlaneSpline, Polyline, ToolPath
 from planner.post.arcs import arc_passes
 from planner.post.bspline import bspline_passes
 from planner.post.digits import Digits
@@ -22,6 +22,7 @@ from planner.post.units import INCH_MM, in_unit
 from planner.post.written import ControlLimits, rounding_budgets_mm
 
 _FINEST_DECIMALS = 8
+_REFININGS = 3
 
 
 def pass_texts(job: Job, operation: Operation, tool_path: ToolPath, control: ControlLimits) -> list[PassText]:
@@ -63,9 +64,29 @@ def _polys(tool_path: ToolPath, drop_z_mm: float, budgets_mm: Array, fine: Digit
     by_kind = np.array([is_heights(one) for one in tool_path.passes])
     for kind, write in ((True, heights_passes), (False, poly_passes)):
         rows = np.flatnonzero(by_kind == kind)
-        written = write([tool_path.passes[row] for row in rows], drop_z_mm, budgets_mm[rows], fine[rows], most)
+        passes = [tool_path.passes[row] for row in rows]
+        written = _refined(write, passes, drop_z_mm, budgets_mm[rows], fine[rows], most)
         texts.update(zip(rows.tolist(), written, strict=True))
     return [texts[row] for row in range(len(tool_path.passes))]
+
+
+def _refined(
+    write: Callable[[Sequence[Pass], float, Array, Digits, int], list[PassText]],
+    passes: Sequence[Pass],
+    drop_z_mm: float,
+    budgets_mm: Array,
+    fine: Digits,
+    most: int,
+) -> list[PassText]:
+    """Every pass written; where the digits of its ends alone cost more than its budget, with more of them."""
+    texts = write(passes, drop_z_mm, budgets_mm, fine, most)
+    for finer in range(1, _REFININGS + 1):
+        is_over = np.array([text.rounding_mm for text in texts]) > budgets_mm
+        rows = np.flatnonzero(is_over & (fine + finer <= most)).tolist()
+        again = write([passes[row] for row in rows], drop_z_mm, budgets_mm[rows], fine[rows] + finer, most)
+        for row, text in zip(rows, again, strict=True):
+            texts[row] = min(texts[row], text, key=lambda one: one.rounding_mm)
+    return texts
 
 
 def _bsplines(

@@ -214,14 +214,13 @@ def _warnings(
 ) -> tuple[str, ...]:
     found = []
     reads = "" if control.decimals is None else f": the control reads {control.decimals} decimals"
-    for number, (one, text) in enumerate(zip(tool_path.passes, texts, strict=True), 1):
-        total_mm = one.deviation_mm + text.rounding_mm
-        if total_mm > operation.path_mm:
-            found.append(
-                f"pass {number} as written may lie {total_mm * 1000:.3g} um from the exact path, "
-                f"path_mm allows {operation.path_mm * 1000:g}{reads}"
-            )
-            break
+    totals_mm = [one.deviation_mm + text.rounding_mm for one, text in zip(tool_path.passes, texts, strict=True)]
+    if max(totals_mm) > operation.path_mm:
+        worst = max(range(len(totals_mm)), key=totals_mm.__getitem__)
+        found.append(
+            f"pass {worst + 1} as written may lie {totals_mm[worst] * 1000:.3g} um from the exact path, "
+            f"path_mm allows {operation.path_mm * 1000:g}{reads}"
+        )
     if control.retract_z_mm is None:
         found.append(
             "the profile has no retract_z_mm, so the tool is changed and the program ends where Z stands; "

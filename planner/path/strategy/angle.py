@@ -39,4 +39,6 @@ def _cost(surface: OffsetSurface, scallop_mm: float | None, strips: int = 32) ->
     strip = np.clip(((y - y.min()) / max(float(np.ptp(y)), 1e-12) * strips).astype(np.intp), 0, strips - 1)
     least = np.full(strips, np.inf)
     np.minimum.at(least, strip, local_pick_feed(surface, places, scallop_mm))
-    return float(np.sum(np.bincount(strip, area, strips) / least))
+    passes = float(np.ptp(y)) / strips * float(np.sum(1.0 / least))
+    # Where all directions cut the same, the one with the fewest passes has the shortest way in the air.
+    return float(np.sum(np.bincount(strip, area, strips) / least)) + 2.0 * surface.radius_mm * max(passes, 1.0)

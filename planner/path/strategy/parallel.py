@@ -83,7 +83,7 @@ def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
     seen = survey_patch(patch)
     side = tool_side(seen)
     check_creases(patch)
-    check_radius(seen, side, wishes.radius_mm + wishes.stock_mm)
+    check_radius(seen, side, wishes.radius_mm, wishes.stock_mm)
     surface = OffsetSurface(patch.turned(wishes.angle_rad), wishes.radius_mm, side, wishes.stock_mm)
     seeds = _seeds(surface, 2 * wishes.radius_mm)
     if wishes.pick_feed_mm is not None:
@@ -118,7 +118,8 @@ def _check_count(
         problem = f"{cut_mm / 1e6:.3g} km of passes, more than {longest_mm / 1e6:g} km"
     if problem:
         what = f"{surface.patch.name} is {sides_mm[0]:.4g} x {sides_mm[1]:.4g} mm: {key} asks for about {problem}"
-        raise InputRejected(what, remedy=f"give a larger {key} or cut the part in pieces")
+        remedy = f"give a larger {key} or cut the part in pieces"
+        raise InputRejected(what, remedy=remedy, key=("operation", 0, key))
 
 
 def _place(peaks: Peaks) -> str:

@@ -1,0 +1,78 @@
+"""What the planner sees to by itself: kind of blocks, digits of the ends, angle, clearance of the tip (4.3, 4.4)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.errors import InputRejected
+from planner.path.gouge import tool_side
+from planner.path.strategy.angle import best_angle_rad
+from planner.plan import plan_job
+from planner.post.written import ControlLimits
+from planner.surface.curvature import survey
+from planner.surface.patch import NurbsPatch
+from tests.planner.test_plan import LIMITS, SURFACE, job_in
+
+STEEP = (Path(__file__).parent / "data/ends/short-steep-pass.toml").read_text()
+PLATE = """degree = [1, 1]
+knots_u = [0, 0, 1, 1]
+knots_v = [0, 0, 1, 1]
+control_points = [[[0, 0, 0], [40, 0, 0]], [[0, 30, 0], [40, 30, 0]]]
+"""
+
+
+@pytest.mark.parametrize(("path_mm", "surface"), [(0.05, SURFACE), (0.001, PLATE)], ids=["coarse", "plane"])
+def test_auto_is_the_smallest_that_the_control_reads(tmp_path: Path, path_mm: float, surface: str) -> None:
+    """(4.4) Arcs and straight moves, which every control reads, were never tried."""
+    job = job_in(tmp_path, ("path_mm = 0.001", f"path_mm = {path_mm}"), surface=(SURFACE, surface))
+    limits = ControlLimits(poly_degree=5)
+    sizes = {
+        blocks: len(plan_job(job, limits, post={"blocks": blocks}).program)
+        for blocks in ("auto", "poly", "arcs", "linear")
+    }
+    assert sizes["auto"] == min(sizes.values()) < sizes["poly"]
+
+
+def test_the_ends_of_a_short_steep_pass_take_the_digits_they_need(tmp_path: Path) -> None:
+    """(4.3) Passes over a corner, 45 degrees steep: what rounding their ends cost was 1.12 um of the 1 um allowed."""
+    changes = [("angle_deg = 0.0", "angle_deg = 45.0"), ("scallop_mm = 0.08", "scallop_mm = 0.02")]
+    changes += [("clearance_z_mm = 10.0", "clearance_z_mm = 200.0"), ("safe_z_mm = 50.0", "safe_z_mm = 210.0")]
+    planned = plan_job(job_in(tmp_path, *changes, surface=(SURFACE, STEEP)), ControlLimits(poly_degree=5))
+    assert planned.report["path_deviation_mm"] <= 0.001
+    assert not [warning for warning in planned.warnings if "as written may lie" in warning]
+
+
+@pytest.mark.parametrize(("clearance", "is_clear"), [("6.9", False), ("7.1", True)])
+def test_the_tip_clears_the_part_where_the_centre_is_programmed(
+    tmp_path: Path, clearance: str, *, is_clear: bool
+) -> None:
+    """(4.3) Rapids at a clearance height above the part led the ball's centre there, and the tip through the part."""
+    changes = [
+        ('reference = "tip"', 'reference = "centre"'),
+        ("clearance_z_mm = 10.0", f"clearance_z_mm = {clearance}"),
+    ]
+    job = job_in(tmp_path, *changes)
+    if is_clear:
+        assert plan_job(job, LIMITS).program
+        return
+    with pytest.raises(InputRejected, match=r"job\.toml:\d+: clearance_z_mm 6\.9, with the tip at Z2\.9, is not above"):
+        plan_job(job, LIMITS)
+
+
+@pytest.mark.parametrize(("x_mm", "y_mm", "angle_deg"), [(50.0, 1.0, 0.0), (2.0, 40.0, 90.0)])
+def test_where_all_directions_cut_the_same_the_fewest_passes_win(x_mm: float, y_mm: float, angle_deg: float) -> None:
+    """(angle_deg = "auto") Over a plane the angle was left to the rounding of the last digit."""
+    corners = np.array([[[0.0, 0.0, 0.0], [x_mm, 0.0, 0.0]], [[0.0, y_mm, 0.0], [x_mm, y_mm, 0.0]]])
+    patch = NurbsPatch(1, 1, np.array([0.0, 0, 1, 1]), np.array([0.0, 0, 1, 1]), corners)
+    found = best_angle_rad(patch, tool_side(survey(patch)), 4.0, 0.02)
+    assert np.degrees(found) == pytest.approx(angle_deg)
+
+
+def test_stock_is_named_where_it_is_to_blame(tmp_path: Path) -> None:
+    """(4.7) The ball was said to have a radius of 1004 mm."""
+    job = job_in(tmp_path, ('edge = "to-border"', 'edge = "to-border"\nstock_to_leave_mm = 1000.0'))
+    with pytest.raises(InputRejected, match=r"job\.toml:\d+: patch 1 has a concave radius .* mm of stock"):
+        plan_job(job, LIMITS)
