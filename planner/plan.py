@@ -23,9 +23,10 @@ from planner.path.moves import in_order
 from planner.path.strategy.angle import best_angle_rad
 from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
 from planner.post.base import write_program
+from planner.post.units import INCH_MM
 from planner.post.written import ControlLimits, Written
 from planner.report import plan_report
-from planner.shapes import Kind, kind_of, link_count, shape_layout
+from planner.shapes import FIT_SHARE, Kind, kind_of, link_count, shape_layout
 from planner.surface.curvature import survey
 from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
@@ -81,7 +82,7 @@ def plan_job(
         begin = time.perf_counter()
         if travel_mm is not None:
             check_part(patch, job.tool_of(operation).radius_mm, travel_mm, job_path)
-        layout = _laid(job, operation, patch, job_path)
+        layout = _laid(job, operation, patch, job_path, coarse_mm(control))
         tool_path, written = _smallest(job, operation, layout, control, lift_mm)
         if not np.isfinite(written.rounding_mm):
             what = f"the digits that the control reads do not hold path_mm {operation.path_mm:g} over this part"
@@ -122,9 +123,21 @@ def _only_patch(path: Path) -> NurbsPatch:
     return patches[0]
 
 
-def _laid(job: Job, operation: Operation, patch: NurbsPatch, path: Path) -> Layout:
+def coarse_mm(control: ControlLimits) -> float:
+    """How far rounding to the digits that the control reads moves a point at most; 0 where it reads any number."""
+    unit_mm = INCH_MM if control.is_inch else 1.0
+    return 0.0 if control.decimals is None else 0.5 * 3**0.5 * unit_mm * 10.0**-control.decimals
+
+
+def fit_path_mm(operation: Operation, control: ControlLimits) -> float:
+    """The path_mm to fit for, of which `FIT_SHARE` is used: less where the control's digits want more of the rest."""
+    left_mm = operation.path_mm - coarse_mm(control)
+    return min(operation.path_mm, left_mm / FIT_SHARE) if left_mm > 0 else operation.path_mm
+
+
+def _laid(job: Job, operation: Operation, patch: NurbsPatch, path: Path, coarse: float) -> Layout:
     """Traced curves of the operation."""
-    wishes = _wishes(job, operation, patch)
+    wishes = _wishes(job, operation, patch, coarse)
     accuracy_mm, reading_mm = 1e-4 * operation.path_mm, 1e-2 * operation.path_mm
     layout = lay_parallel(patch, wishes, accuracy_mm=accuracy_mm, reading_mm=reading_mm)
     _check_clearance(job, layout, path)
@@ -149,7 +162,7 @@ def _smallest(
         return best
     for kind in _smaller_kinds(layout, operation.path_mm, best[1].cutting_bytes / len(best[0].passes)):
         with contextlib.suppress(InputRejected):
-            other = _tool_path(job, operation, layout, shape_layout(layout, kind, operation.path_mm))
+            other = _tool_path(job, operation, layout, shape_layout(layout, kind, fit_path_mm(operation, control)))
             best = min(best, written(other), key=size_bytes)
     return best
 
@@ -160,7 +173,7 @@ def _tool_paths(job: Job, operation: Operation, layout: Layout, control: Control
     if kinds == ["poly"] and job.post.blocks == "auto" and control.knot_rule_verified:
         kinds.append("free")
     for kind in kinds:
-        yield _tool_path(job, operation, layout, shape_layout(layout, kind, operation.path_mm))
+        yield _tool_path(job, operation, layout, shape_layout(layout, kind, fit_path_mm(operation, control)))
 
 
 def _smaller_kinds(layout: Layout, path_mm: float, bytes_a_pass: float) -> Iterator[Kind]:
@@ -185,14 +198,16 @@ def _tool_path(job: Job, operation: Operation, layout: Layout, passes: list[Pass
     )
 
 
-def scallop_target_mm(operation: Operation, radius_mm: float) -> float | None:
+def scallop_target_mm(operation: Operation, radius_mm: float, coarse_mm: float = 0.0) -> float | None:
     """The scallop to plan for: what is asked less what the written program may add, eq. (18).
 
-    A pass that is `path_mm` too high lifts the cusp by at most path_mm R / (R - h).
+    A pass that is `path_mm` too high lifts the cusp by at most path_mm R / (R - h). Where the digits that the control
+    reads cost `coarse_mm`, more than path_mm leaves for them, it may be higher.
     """
     if operation.scallop_mm is None:
         return None
-    target = operation.scallop_mm - operation.path_mm * radius_mm / (radius_mm - operation.scallop_mm)
+    high_mm = max(operation.path_mm, FIT_SHARE * operation.path_mm + coarse_mm)
+    target = operation.scallop_mm - high_mm * radius_mm / (radius_mm - operation.scallop_mm)
     if target <= 0:
         what = f"scallop_mm {operation.scallop_mm:g} leaves nothing beside path_mm {operation.path_mm:g}"
         raise InputRejected(what, remedy="lower path_mm or raise scallop_mm", key=("operation", 0, "path_mm"))
@@ -221,10 +236,10 @@ def _only_operation(job: Job, path: Path) -> Operation:
     return operation
 
 
-def _wishes(job: Job, operation: Operation, patch: NurbsPatch) -> Wishes:
+def _wishes(job: Job, operation: Operation, patch: NurbsPatch, coarse: float) -> Wishes:
     """What the strategy is asked for; the angle is chosen here where the job leaves it open."""
     radius_mm = job.tool_of(operation).radius_mm
-    scallop_mm = scallop_target_mm(operation, radius_mm)
+    scallop_mm = scallop_target_mm(operation, radius_mm, coarse)
     if operation.angle_deg == "auto":
         angle_rad = best_angle_rad(patch, tool_side(survey(patch)), radius_mm, scallop_mm)
     else:

@@ -76,3 +76,16 @@ def test_stock_is_named_where_it_is_to_blame(tmp_path: Path) -> None:
     job = job_in(tmp_path, ('edge = "to-border"', 'edge = "to-border"\nstock_to_leave_mm = 1000.0'))
     with pytest.raises(InputRejected, match=r"job\.toml:\d+: patch 1 has a concave radius .* mm of stock"):
         plan_job(job, LIMITS)
+
+
+@pytest.mark.parametrize(("decimals", "is_inch", "holds"), [(3, False, True), (4, True, True), (2, False, False)])
+def test_a_control_of_few_digits_gets_a_finer_fit_or_flatter_scallops(
+    tmp_path: Path, decimals: int, *, is_inch: bool, holds: bool
+) -> None:
+    """(4.1, 4.3) What the digits cost was not kept free of the fit: 5.08 um of 5, and scallops of 81 um of 80."""
+    job = job_in(tmp_path, ("path_mm = 0.001", "path_mm = 0.005"))
+    planned = plan_job(job, ControlLimits(decimals=decimals, is_inch=is_inch, poly_degree=5))
+    deviation_mm = planned.report["path_deviation_mm"]
+    assert (deviation_mm <= 0.005) == holds
+    assert planned.report["scallop_mm"] + deviation_mm * 4.0 / 3.92 <= 0.08
+    assert [warning for warning in planned.warnings if "as written may lie" in warning] == [] or not holds
