@@ -147,9 +147,9 @@ class Stream:
         if self._flow is not Flow.BYTES or self._is_full:
             return
         while (refill_bytes := sender.plain_refill_bytes) and sender.offset_bytes + refill_bytes <= journal.bound_bytes:
-            due_s = sender.clock.room_at_s(refill_bytes)
-            wait_s = due_s - clock()
-            if due_s > self._housekeep_at_s or select(self._readers, (), (), max(0.0, wait_s))[0]:
+            from_s = clock()
+            due_s = max(from_s, sender.clock.room_at_s(refill_bytes))  # behind a hold there has long been room
+            if due_s > self._housekeep_at_s or select(self._readers, (), (), due_s - from_s)[0]:
                 return
             now_s = clock()
             if now_s - due_s > _HOLD_UP_S:

@@ -172,6 +172,22 @@ def test_what_was_heard_before_the_port_broke_is_told(tmp_path: Path) -> None:
     port.close()
 
 
+def test_a_hold_is_no_hold_up(tmp_path: Path) -> None:
+    """(5.2) The first bytes of a run are not late, however long ago the line fell silent; only the loop can be late."""
+    port = SilentPort(PortLost(""))
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(1e-3, 6, 0.0, slack=0.0))
+    journal = NoJournal()
+    journal.bound_bytes = sender.clock.refill_bytes
+    stream = Stream(sender, port, journal, lambda _: None)  # type: ignore[arg-type]
+    stream._housekeep_at_s = math.inf
+    sender.start(0.0)
+    stream._coast()
+    assert sender.offset_bytes == journal.bound_bytes
+    assert stream.hold_ups.worst_s < 1.0
+    stream.close()
+    port.close()
+
+
 class SlowPort(BrokenPort):
     """An adapter whose line is half as fast as it should be; it tells how many bytes wait in it."""
 
