@@ -120,7 +120,7 @@ def measured(baud: int, buffer_bytes: int, fifo_bytes: int, seconds: float, answ
             sent, cpu = send_for(folder, program, pty, profile, baud, seconds)
         seen = json.loads((folder / "mill.json").read_text())
     sender_late = [(ended, lasted) for ended, lasted in sent["hold_ups"] if lasted > HELD_UP_S]
-    good = [stop for stop in seen["xoff_cycles"] if is_measured(stop, sender_late)]
+    good = [stop for stop in seen["xoff_cycles"] if is_measured(stop, sender_late, sent["xoff_heard_s"], 10 / baud)]
     runs = [stop for stop in good if stop["utilisation"] is not None]
     carried_s = [stop["run_bytes"] * 10 / baud for stop in runs]
     return Row(
@@ -140,11 +140,21 @@ def measured(baud: int, buffer_bytes: int, fifo_bytes: int, seconds: float, answ
     )
 
 
-def is_measured(stop: dict[str, Any], sender_late: list[tuple[float, float]]) -> bool:
-    """Whether neither process was held up around this stop."""
+def is_measured(
+    stop: dict[str, Any], sender_late: list[tuple[float, float]], xoff_heard_s: list[float], byte_s: float
+) -> bool:
+    """Whether neither process was held up around this stop, nor the sender on its way from sleep to the stop.
+
+    The sender knows how late it comes to its own appointments, not how late it is woken for a byte: that shows
+    between the mill's clock and its own, which are one.
+    """
     if stop["hold_up_s"] > HELD_UP_S:
         return False
-    first_s, last_s = stop["monotonic_s"] - AROUND_S, stop["monotonic_s"] + 0.05
+    began_s = stop["monotonic_s"]
+    heard_s = next((heard_s for heard_s in xoff_heard_s if heard_s >= began_s), began_s)
+    if heard_s - began_s - byte_s > HELD_UP_S:
+        return False
+    first_s, last_s = began_s - AROUND_S, began_s + 0.05
     return not any(ended >= first_s and ended - lasted <= last_s for ended, lasted in sender_late)
 
 

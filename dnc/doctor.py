@@ -15,10 +15,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dnc.port import Port
+from dnc.priority import LATENCY_WISH, WAKES_WITHIN_US, may_go_first
 
 _DISK_FREE_BYTES = 200_000_000
 _FTDI_LATENCY_MS = 1
 _TRIGGER_BYTES = 1
+_SLOW_WAKING_US = 100
 _FIRST_SANE_TIME_S = 1_700_000_000
 
 
@@ -36,7 +38,8 @@ def examine(state: Path, root: Path = Path("/")) -> list[Finding]:
     """All findings that need no port to be opened."""
     devices = _adapters(root)
     findings = [_rights(root, devices), _modem_manager(root), *_autosuspend(root, devices)]
-    findings += [*_latency_timers(root, devices), *_trigger_levels(root), _clock(root), _disk(state), _realtime()]
+    findings += [*_latency_timers(root, devices), *_trigger_levels(root), _clock(root), _disk(state)]
+    findings += [_realtime(), _idle_states(root)]
     return findings
 
 
@@ -138,16 +141,28 @@ def _disk(state: Path) -> Finding:
 
 
 def _realtime() -> Finding:
-    before = os.sched_getscheduler(0), os.sched_getparam(0)
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1))
-    except OSError:
-        line = "echo '@dialout - rtprio 20' | sudo tee /etc/security/limits.d/dnc.conf, then log in again"
-        return Finding(
-            "realtime", False, "real-time priority is not allowed: a busy computer may starve the line", line
-        )
-    os.sched_setscheduler(0, *before)
-    return Finding("realtime", True, "real-time priority is allowed")
+    if may_go_first():
+        return Finding("realtime", True, "real-time priority is allowed")
+    line = "echo '@dialout - rtprio 20' | sudo tee /etc/security/limits.d/dnc.conf, then log in again"
+    return Finding("realtime", False, "real-time priority is not allowed: a busy computer may starve the line", line)
+
+
+def _idle_states(root: Path) -> Finding:
+    """A processor in a deep idle state hears a stop late; `dnc send` keeps it out of them where it may."""
+    slowest_us = 0
+    for latency in (root / "sys/devices/system/cpu").glob("cpu[0-9]*/cpuidle/state[0-9]*/latency"):
+        with contextlib.suppress(OSError, ValueError):
+            slowest_us = max(slowest_us, int(latency.read_text()))
+    text = f"an idle processor wakes within {slowest_us} us" if slowest_us else "no slow idle states are known"
+    if slowest_us <= _SLOW_WAKING_US:
+        return Finding("idle-states", True, text)
+    if os.access(root / "dev" / LATENCY_WISH.name, os.W_OK):
+        return Finding("idle-states", True, f"{text}; dnc send makes that {WAKES_WITHIN_US} us while it runs")
+    rule = '\'KERNEL=="cpu_dma_latency", GROUP="dialout", MODE="0660"\''
+    file = "/etc/udev/rules.d/60-dnc.rules"
+    reload = "sudo udevadm control --reload && sudo udevadm trigger --name-match=cpu_dma_latency"
+    remedy = f"echo {rule} | sudo tee {file} && {reload}"
+    return Finding("idle-states", False, f"{text}, and dnc send may not forbid that: a stop is answered late", remedy)
 
 
 def probe_loopback(port: Port, timeout_s: float = 2.0) -> Finding:

@@ -33,7 +33,7 @@ from dnc.pacing import (
 )
 from dnc.places import runtime_folder, state_folder, write_whole
 from dnc.port import Flow, Port
-from dnc.priority import on_time
+from dnc.priority import Punctuality, on_time
 from dnc.profile import Link, MachineProfile
 from dnc.record import append_record, doubt_of, doubt_words, send_report
 from dnc.sender import Rules, Sender
@@ -106,7 +106,7 @@ class Job:
         self.stream = Stream(self.sender, port, self.journal, self.events.add)
         self.unheard_events = 0
         self.not_kept = ""
-        self._is_realtime = False
+        self._granted = Punctuality(is_realtime=False, is_light_sleeper=False)
         self._started = datetime.now(UTC)
 
     def run(self) -> Finished:
@@ -120,7 +120,7 @@ class Job:
         self._keep(lambda: begin_mark(self.port.identity, self.names.job_id, self.names.program))
         with _signals(self.stream):  # to the end: a second Ctrl-C must not take the record away
             try:
-                with on_time() as self._is_realtime:
+                with on_time() as self._granted:
                     self.stream.run()
             finally:
                 finished = self._ended()
@@ -185,9 +185,11 @@ class Job:
             started=self._started.isoformat(timespec="milliseconds"),
             handshake=self.profile.link.handshake,
             bound_assured=self.port.is_bound_assured and self.port.flow is Flow.BYTES,
-            realtime=self._is_realtime,
+            realtime=self._granted.is_realtime,
+            light_sleep=self._granted.is_light_sleeper,
             hold_up_s_max=round(self.stream.hold_ups.worst_s, 6),
             hold_ups=[[round(ended_s, 6), round(lasted_s, 6)] for ended_s, lasted_s in self.stream.hold_ups.recent],
+            xoff_heard_s=[round(heard_s, 6) for heard_s in sender.tally.xoff_heard_s],
             exit_code=code,
         )
         self._keep(lambda: append_record(state_folder(), report))

@@ -22,7 +22,8 @@ from dnc.hooks import hooks_of
 from dnc.job import SIGTERM_EXIT, Finished, Job, pace_of
 from dnc.names import JobNames, new_job_id
 from dnc.places import made_state_folder, state_folder
-from dnc.port import Port, SerialPort
+from dnc.port import Flow, Port, SerialPort
+from dnc.priority import may_go_first
 from dnc.profile import Link, MachineProfile, load_profile, profile_path
 from dnc.progress import Ticker, event_lines, job_line, silence_output, tell, working
 from dnc.spool import load_tape
@@ -212,6 +213,14 @@ def tape_warnings(tape: Tape) -> list[str]:
     return ["the last block has no end of line: the control waits for it and never runs this block; add one"]
 
 
+def haste_warnings(port: Port) -> list[str]:
+    """What must be said where this process itself answers XOFF and nothing lets it go first."""
+    if port.flow is not Flow.BYTES or may_go_first():
+        return []
+    what = "real-time priority is not allowed: while this computer is busy a stop is answered late"
+    return [f"{what}; dnc doctor names the command that allows it"]
+
+
 def open_port(name: str, link: Link) -> Port:
     """A device, a pty, or a port behind a network."""
     if "://" in name:
@@ -254,7 +263,8 @@ def _rehearsed(finished: Finished, mill: Rehearsal, tape: Tape, wishes: Wishes, 
 
 
 def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restart: dict[str, Any] | None) -> Finished:
-    for warning in [*line_warnings(profile, port), *tape_warnings(tape)]:
+    hurry = [] if wishes.dry_run else haste_warnings(port)
+    for warning in [*line_warnings(profile, port), *tape_warnings(tape), *hurry]:
         tell(f"warning: {warning}")
     names = JobNames(new_job_id(), str(wishes.program), wishes.machine, restart, is_rehearsal=wishes.dry_run)
     about: dict[str, Any] = {"job": names.job_id, "program": names.program, "machine": names.machine}

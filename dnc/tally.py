@@ -10,6 +10,7 @@ from dnc.events import JobState
 
 _RUN_BYTES = 50
 _RUNS_KEPT = 4096
+_STOPS_KEPT = 2000
 
 
 @dataclass(slots=True)
@@ -27,6 +28,7 @@ class Tally:
     xon_offset_bytes: int | None = None
     first_s: float | None = None
     active_s: float = 0.0
+    xoff_heard_s: deque[float] = field(default_factory=lambda: deque(maxlen=_STOPS_KEPT))
     last_s: float = 0.0
     _held_since_s: float | None = None
     _active_since_s: float | None = None
@@ -45,6 +47,7 @@ class Tally:
         self.xoff_count += 1
         self.inflight_at_xoff_bytes_max = max(self.inflight_at_xoff_bytes_max, inflight_bytes)
         self._held_since_s = now_s
+        self.xoff_heard_s.append(now_s)
 
     def resumed(self, offset_bytes: int, now_s: float) -> float:
         """The control said XON, and this much had been sent; returns how long it had held."""

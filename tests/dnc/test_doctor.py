@@ -73,6 +73,24 @@ def test_a_mended_computer_is_well(tmp_path: Path) -> None:
         assert found(findings, name).is_good
 
 
+@pytest.mark.parametrize(
+    ("slowest_us", "may_forbid", "good"), [(2, False, True), (890, True, True), (890, False, False)]
+)
+def test_idle_states_that_wake_slowly(tmp_path: Path, slowest_us: int, may_forbid: bool, good: bool) -> None:
+    """(5.2, 5.9; fault H4) A stop that comes while the processor sleeps deeply is answered that much late."""
+    root = computer(tmp_path / "root")
+    for number, latency_us in enumerate((0, slowest_us)):
+        state = root / f"sys/devices/system/cpu/cpu0/cpuidle/state{number}"
+        state.mkdir(parents=True)
+        (state / "latency").write_text(f"{latency_us}\n")
+    if may_forbid:
+        (root / "dev/cpu_dma_latency").touch()
+    finding = found(examine(tmp_path, root), "idle-states")
+    assert finding.is_good == good
+    assert f"{slowest_us} us" in finding.text
+    assert ("udev" in finding.remedy) == (not good)
+
+
 def test_ports_with_their_lasting_names(tmp_path: Path) -> None:
     """(5.5)"""
     (port,) = find_ports(computer(tmp_path))
