@@ -36,7 +36,8 @@ from dnc.port import Flow, Port
 from dnc.priority import Punctuality, on_time
 from dnc.profile import Link, MachineProfile
 from dnc.record import append_record, doubt_of, doubt_words, send_report
-from dnc.sender import Rules, Sender
+from dnc.rules import Rules
+from dnc.sender import Sender
 from dnc.service.publisher import Publisher
 from dnc.service.snapshot import JobView
 from dnc.stream import Command, Stream

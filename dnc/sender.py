@@ -7,33 +7,18 @@ Bytes given out are always an exact prefix of the tape. The rim (stream.py) move
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from dnc import alarms
 from dnc.events import Event, Held, JobState, Noise, Resumed, StateChanged
 from dnc.handshake import TABLE, Cause, Heard, Listener, Signal
 from dnc.pacing import ByteClock
-from dnc.portion import bytes_before_end, next_bytes, wanted_bytes, write_stop
+from dnc.portion import Outlet
+from dnc.rules import Rules
 from dnc.suspicion import Suspicion
 from dnc.tally import Tally
 from dnc.tape import Tape
 
 _OVER = frozenset({JobState.SENT, JobState.ABORTED, JobState.FAULTED})
-_TRAILER_WAIT_S = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Rules:
-    """What the machine profile and the operator's options say about talking; 0 s means without limit."""
-
-    xon: int = 0x11
-    xoff: int = 0x13
-    hears_xoff: bool = True
-    is_driver_asked: bool = False
-    waits_for_xon: bool = False
-    start_timeout_s: float = 60.0
-    hold_timeout_s: float = 0.0
-    hold_warning_s: float = 120.0
 
 
 class Sender:
@@ -41,7 +26,7 @@ class Sender:
 
     def __init__(self, tape: Tape, clock: ByteClock, rules: Rules, offset_bytes: int = 0) -> None:
         self.tape, self.clock, self.rules = tape, clock, rules
-        self.offset_bytes = offset_bytes
+        self._outlet = Outlet(tape, clock, offset_bytes)
         self.state = JobState.LOADED
         self.last_cause = Cause.LOAD
         self.note = ""
@@ -49,9 +34,13 @@ class Sender:
         self._listener = Listener(rules.xon, rules.xoff)
         self._suspicion = Suspicion(tape)
         self._is_held_by_peer = self._has_early_xon = False
-        self._stop_at: int | None = None
         self._since_s = -math.inf
         self._is_hold_warned = False
+
+    @property
+    def offset_bytes(self) -> int:
+        """How much of the tape was given out."""
+        return self._outlet.offset_bytes
 
     @property
     def is_over(self) -> bool:
@@ -66,18 +55,17 @@ class Sender:
     @property
     def is_pausing(self) -> bool:
         """Whether a pause was asked for and the block has not ended yet."""
-        return self._stop_at is not None
+        return self._outlet.stop_at is not None
 
     @property
     def is_one_xon_away(self) -> bool:
         """Whether the control holds us, and bytes may leave as soon as it does no longer."""
-        return self.state is JobState.HELD and self._stop_at is None and self.rules.hears_xoff
+        return self.state is JobState.HELD and not self.is_pausing and self.rules.hears_xoff
 
     @property
     def plain_refill_bytes(self) -> int:
         """A refill that may leave as soon as the clock has room, whatever stands in it; 0 where more is to be asked."""
-        refill_bytes = self.clock.refill_bytes
-        return refill_bytes if self.state is JobState.SENDING and self._is_plain(refill_bytes) else 0
+        return self._outlet.plain_refill_bytes if self.state is JobState.SENDING else 0
 
     @property
     def held_since_s(self) -> float:
@@ -89,11 +77,12 @@ class Sender:
         """The latest moment at which `tick` and `take` want to be called again; infinite while only a byte can help."""
         state = self.state
         if state is JobState.SENDING:
-            return self.clock.room_at_s(self._wanted_bytes())
+            return self._outlet.room_at_s
         if state is JobState.DRAINING:
             return self.clock.idle_at_s
         if state is JobState.HELD:
-            return self._next_hold_deadline_s()
+            is_trailer_left = self.offset_bytes >= self.tape.end.essential_bytes
+            return self._since_s + self.rules.next_limit_s(self._is_hold_warned, is_trailer_left)
         if state is JobState.ARMED and self.rules.start_timeout_s > 0:
             return self._since_s + self.rules.start_timeout_s
         return math.inf
@@ -110,12 +99,12 @@ class Sender:
         """Stop at the end of the block that is under way; in ARMED before the first byte, once the XON has come."""
         if self.state not in (JobState.ARMED, JobState.SENDING, JobState.HELD):
             return []
-        self._stop_at = self.tape.next_block_end(self.offset_bytes) if self.is_cut else self.offset_bytes
+        self._outlet.stop_at_block_end()
         return [] if self.state is JobState.ARMED else self._stop_if_reached(now_s)
 
     def resume(self, now_s: float) -> list[Event]:
         """Go on after a pause; the only way from PAUSED to SENDING."""
-        self._stop_at = None
+        self._outlet.stop_at = None
         self._suspicion.forget()
         return self._move(Cause.RESUME_HELD if self._is_held_by_peer else Cause.RESUME, now_s)
 
@@ -161,20 +150,9 @@ class Sender:
         """The bytes that may leave now: at most `room_bytes`, never more in flight than the clock allows."""
         if self.state is not JobState.SENDING or room_bytes <= 0:
             return b""
-        clock = self.clock
-        count = clock.room_bytes(now_s)
-        if clock.refill_bytes <= count <= room_bytes and self._is_plain(count):
-            chunk = self.tape.read(self.offset_bytes, count)
-            self._left(chunk, now_s)
-            return chunk
-        wanted = self._wanted_bytes()
-        if count < wanted:
-            if clock.idle_at_s > now_s:
-                return b""
-            count = wanted  # the end of the tape may be longer than what may be in flight
-        chunk = next_bytes(self.tape, self.offset_bytes, self._write_stop(), min(count, room_bytes), wanted)
+        chunk = self._outlet.take(room_bytes, now_s)
         if chunk:
-            self._left(chunk, now_s)
+            self.tally.sent(len(chunk), now_s)
         return chunk
 
     def answer(self, room_bytes: int, now_s: float) -> bytes:
@@ -182,22 +160,19 @@ class Sender:
 
         The rim may lay it ready and, when it reads that XON and nothing else, write before it tells `answered`.
         """
-        if not self.is_one_xon_away or self.clock.idle_at_s > now_s:
-            return b""
-        count = min(self.clock.pace.inflight_max_bytes, room_bytes)
-        return bytes_before_end(self.tape, self.offset_bytes, self._write_stop(), count)
+        return self._outlet.answer(room_bytes, now_s) if self.is_one_xon_away else b""
 
     def answered(self, xon: bytes, written: bytes, now_s: float) -> list[Event]:
         """That XON came, and these first bytes of the answer left with it; only while `is_one_xon_away`."""
         events = self.hear(xon, now_s)
         if written:
-            self._left(written, now_s)
+            self._outlet.left(len(written), now_s)
+            self.tally.sent(len(written), now_s)
         return events
 
     def give_back(self, count_bytes: int) -> None:
         """The host did not accept the last of the bytes taken; they will be taken again."""
-        self.offset_bytes -= count_bytes
-        self.clock.take_back(count_bytes)
+        self._outlet.take_back(count_bytes)
         self.tally.bytes_sent -= count_bytes
 
     def tick(self, now_s: float) -> list[Event]:
@@ -206,7 +181,7 @@ class Sender:
         if state is JobState.SENDING:
             if self.offset_bytes >= self.tape.size_bytes:
                 return self._move(Cause.ALL_TAKEN, now_s)
-            return self._stop_if_reached(now_s) if self._stop_at is not None else []
+            return self._stop_if_reached(now_s)
         if state is JobState.DRAINING and now_s >= self.clock.idle_at_s:
             return self._move(Cause.DRAINED, now_s)
         if state is JobState.HELD:
@@ -271,9 +246,9 @@ class Sender:
 
     def _tick_held(self, now_s: float) -> list[Event]:
         held_s = now_s - self._since_s
-        if self._stop_at is not None and self._stop_at <= self.offset_bytes:
+        if self._outlet.is_stop_reached:
             return self._stop_if_reached(now_s)
-        if held_s >= self._trailer_wait_s and self._is_only_trailer_left(now_s):
+        if held_s >= self.rules.trailer_wait_s and self._is_only_trailer_left(now_s):
             return self._leave_trailer(now_s)
         return self._held_for(held_s, now_s)
 
@@ -286,11 +261,6 @@ class Sender:
             return [alarms.LONG_HOLD.at(now_s, self.offset_bytes, f"{held_s:.0f} s")]
         return []
 
-    @property
-    def _trailer_wait_s(self) -> float:
-        """How long a trailer is offered to a control that holds; less where the operator gives it less."""
-        return min(_TRAILER_WAIT_S, self.rules.hold_timeout_s or _TRAILER_WAIT_S)
-
     def _is_only_trailer_left(self, now_s: float) -> bool:
         is_essential_gone = self.offset_bytes >= self.tape.end.essential_bytes and now_s >= self.clock.idle_at_s
         return self.state is JobState.HELD and is_essential_gone
@@ -300,39 +270,10 @@ class Sender:
         self.note = f"the control stopped reading after the end of the program; {left} bytes of trailer not taken"
         return self._move(Cause.TRAILER_LEFT, now_s)
 
-    def _next_hold_deadline_s(self) -> float:
-        waits = [limit for limit in (self.rules.hold_timeout_s,) if limit > 0]
-        if self.rules.hold_warning_s > 0 and not self._is_hold_warned:
-            waits.append(self.rules.hold_warning_s)
-        if self.offset_bytes >= self.tape.end.essential_bytes:
-            waits.append(self._trailer_wait_s)
-        return self._since_s + min(waits, default=math.inf)
-
-    def _is_plain(self, count_bytes: int) -> bool:
-        """Whether no pause, delay or end of the tape makes a write of so many bytes shorter or another."""
-        tape, pace = self.tape, self.clock.pace
-        return (
-            self._stop_at is None and self.offset_bytes + count_bytes <= tape.end.whole_from and not pace.line_delay_s
-        )
-
-    def _wanted_bytes(self) -> int:
-        return wanted_bytes(self.tape, self.offset_bytes, self._write_stop(), self.clock)
-
-    def _left(self, chunk: bytes, now_s: float) -> None:
-        self.offset_bytes += len(chunk)
-        self.tally.sent(len(chunk), now_s)
-        self.clock.note(len(chunk), now_s)
-        delay_s = self.clock.pace.line_delay_s
-        if delay_s and self.offset_bytes > self.tape.leader_bytes and self.tape.is_block_end(self.offset_bytes):
-            self.clock.delay(delay_s)
-
-    def _write_stop(self) -> int | None:
-        return write_stop(self.tape, self.offset_bytes, self._stop_at, self.clock)
-
     def _stop_if_reached(self, now_s: float) -> list[Event]:
-        if self._stop_at is None or self.offset_bytes < self._stop_at:
+        if not self._outlet.is_stop_reached:
             return []
-        self._stop_at = None
+        self._outlet.stop_at = None
         return self._move(Cause.PAUSE_REACHED, now_s)
 
     def _alarmed(self, cause: Cause, kind: alarms.Kind, detail: str, now_s: float) -> list[Event]:
@@ -349,7 +290,7 @@ class Sender:
         if new in (JobState.ARMED, JobState.PAUSED) or (new is JobState.HELD and old is JobState.PAUSED):
             self._since_s = now_s
         if new is JobState.PAUSED or new in _OVER:
-            self._stop_at = None
+            self._outlet.stop_at = None
         if new is JobState.SENDING and old in (JobState.LOADED, JobState.ARMED):
             self._suspicion.forget()  # noise that could pause nothing must not keep later noise from doing it
         self.tally.moved(new, now_s, self.clock.idle_at_s)

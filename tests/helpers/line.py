@@ -18,7 +18,8 @@ from dnc import profile
 from dnc.events import Alarm, Event, JobState, StateChanged
 from dnc.journal import UNBOUNDED
 from dnc.pacing import ByteClock, Pace
-from dnc.sender import Rules, Sender
+from dnc.rules import Rules
+from dnc.sender import Sender
 from dnc.spool import load_tape
 from dnc.tape import Tape
 
