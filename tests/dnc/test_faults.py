@@ -22,12 +22,12 @@ from dnc.capture import Capture
 from dnc.cli.main import program as command_line
 from dnc.errors import ExitCode, PortUnavailable
 from dnc.events import Alarm, JobState, Noise, Severity
+from dnc.forewarning import line_warnings
 from dnc.pacing import Pace
 from dnc.port import SerialPort
 from dnc.profile import Control, Link, load_profile
 from dnc.progress import printable
 from dnc.record import doubt_of, doubt_words, in_doubt
-from dnc.sending import line_warnings
 from dnc.shipped import shipped_path
 from tests.helpers.line import XOFF, XON, alarm_ids, drain, read_until, sender_of, tape_of
 

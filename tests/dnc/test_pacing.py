@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from dnc.forewarning import line_warnings
 from dnc.job import pace_of
 from dnc.pacing import ByteClock, Pace
 from dnc.profile import load_profile
-from dnc.sending import line_warnings
 from dnc.shipped import shipped_path
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from dnc.forewarning import haste_warnings
 from dnc.port import SerialPort
 from dnc.priority import WAKES_WITHIN_US, in_front, light_sleep, on_time
 from dnc.profile import Link
-from dnc.sending import haste_warnings
 
 
 def refuse(*_: object) -> None:
