@@ -105,21 +105,11 @@ def rapid_through_stock(command: canon.Command, track: Track) -> Iterator[Findin
 
 
 def unready(command: canon.Command, track: Track) -> Iterator[Finding]:
-    """Cutting with a spindle that stands, with no tool called, or in the machine's own coordinates."""
+    """Cutting with no tool called, or in the machine's own coordinates."""
     if not isinstance(command, _FEEDS) or track.cut_mm + track.air_mm > 0.0:
         return
     if track.is_readiness_lost or track.is_subprogram:
         return
-    if track.spindle_rpm == 0.0:
-        yield Finding(
-            "no-spindle",
-            Severity.ERROR,
-            command.line,
-            1,
-            "the first feed move comes with the spindle stopped",
-            "the tool breaks in the material",
-            "write S and M3 before it",
-        )
     if not track.tool:
         what = "before any tool was called" if track.tool is None else "after M6 with T0, an empty spindle"
         yield Finding(
@@ -141,6 +131,46 @@ def unready(command: canon.Command, track: Track) -> Iterator[Finding]:
             "the control takes the one it has after reset, perhaps the machine's zero",
             "write G54 or the offset of the setup before it",
         )
+
+
+def stopped_spindle(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """The first feed move, or a later cut, with the spindle stopped: once for a stop."""
+    if track.spindle_rpm or track.is_stop_told or track.is_readiness_lost or track.is_subprogram:
+        return
+    is_first = track.cut_mm + track.air_mm == 0.0
+    if isinstance(command, _FEEDS) and (is_first or _is_cut(command, track)):
+        track.is_stop_told = True
+        yield Finding(
+            "no-spindle",
+            Severity.ERROR,
+            command.line,
+            1,
+            "the first feed move comes with the spindle stopped"
+            if is_first
+            else "a cut comes with the spindle stopped",
+            "the tool breaks in the material",
+            "write S and M3 before it",
+        )
+
+
+def no_edge(command: canon.Command, track: Track) -> Iterator[Finding]:
+    """A cut while D0, meant for the way to a tool change, is still in force: once."""
+    if track.edge or track.is_edge_told or not isinstance(command, _FEEDS) or not _is_cut(command, track):
+        return
+    track.is_edge_told = True
+    yield Finding(
+        "no-edge",
+        Severity.WARNING,
+        command.line,
+        1,
+        "a cut comes while D0 is in force",
+        "without the tool's length the spindle goes deeper by all of it",
+        "write D1, or the edge of the tool, before it goes down",
+    )
+
+
+def _is_cut(command: canon.Motion, track: Track) -> bool:
+    return not moves.is_retract(command) and not moves.is_air(command, track.clear_z_mm)
 
 
 def odd_feed(command: canon.Command, track: Track) -> Iterator[Finding]:
@@ -231,7 +261,16 @@ def steep_plunge(command: canon.Command, track: Track) -> Iterator[Finding]:
         )
 
 
-_FEED_RULES: tuple[CommandRule, ...] = (unready, no_dwell, odd_feed, reversal, axis_limit, steep_plunge)
+_FEED_RULES: tuple[CommandRule, ...] = (
+    stopped_spindle,
+    unready,
+    no_edge,
+    no_dwell,
+    odd_feed,
+    reversal,
+    axis_limit,
+    steep_plunge,
+)
 COMMAND_RULES: dict[type[canon.Command], tuple[CommandRule, ...]] = {
     canon.Alarm: (alarm,),
     canon.Rapid: (rapid_z_and_xy, rapid_below, rapid_through_stock, axis_limit),

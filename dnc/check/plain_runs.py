@@ -34,6 +34,7 @@ def takes_runs(interpreter: Interpreter, track: Track) -> bool:
         and track.end_line is None
         and track.spindle_line is None
         and track.plunge is None
+        and not track.is_lacking
         and track.direction is not None
         and track.cut_mm + track.air_mm > 0.0
     )

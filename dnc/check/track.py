@@ -31,8 +31,9 @@ class Track:
     `is_height_known`: the program has said where Z is, in work coordinates. `is_readiness_lost`: a block was refused
     that would have set tool or spindle. `clear_z_mm` is the lowest height that a rapid reached: taken to be above
     the part. `cut_top_mm` is the highest point cut below it, `hole` the bottom of the last plunge straight down.
-    `told_feed_mm_min` is the last feed that was found odd. `length_mm` is that of the last feed move, `direction` the
-    unit direction at its end, None after a rapid or a stop. `air_mm` and `cut_mm` add up feed moves.
+    `told_feed_mm_min` is the last feed that was found odd; `is_stop_told` and `is_edge_told` hold until the spindle
+    starts and an edge is called. `length_mm` is that of the last feed move, `direction` the unit direction at its end,
+    None after a rapid or a stop. `air_mm` and `cut_mm` add up feed moves.
     """
 
     limits: Limits
@@ -55,7 +56,10 @@ class Track:
     is_radius_told: bool = False
     spindle_rpm: float = 0.0
     spindle_line: int | None = None
+    is_stop_told: bool = False
     tool: int | None = None
+    edge: int = 1
+    is_edge_told: bool = False
     clear_z_mm: float = math.inf
     cut_top_mm: float = -math.inf
     hole: canon.Vector | None = None
@@ -142,14 +146,28 @@ class Track:
             case canon.Spindle(speed_rpm=speed_rpm):
                 self.spindle_line = command.line if speed_rpm and not self.spindle_rpm else None
                 self.spindle_rpm = speed_rpm
+                self.is_stop_told &= speed_rpm == 0.0
             case canon.Dwell():
                 self.spindle_line = None
             case canon.ChangeTool(number=number):
                 self.tool = number
+                self._see_edge(1)
+            case canon.SelectEdge(number=number):
+                self._see_edge(number)
             case canon.End():
                 self.end_line = command.line
             case _:
                 pass
+
+    def _see_edge(self, number: int) -> None:
+        self.edge = number
+        self.is_edge_told &= number == 0
+
+    @property
+    def is_lacking(self) -> bool:
+        """Whether the next cut comes with the spindle stopped or without an edge, and nothing has said so yet."""
+        is_stopped = self.spindle_rpm == 0.0 and not self.is_stop_told and not self.is_subprogram
+        return (is_stopped and not self.is_readiness_lost) or (self.edge == 0 and not self.is_edge_told)
 
     def forget(self, *, is_readiness_lost: bool) -> None:
         """A block was refused: where the tool would stand is not known, nor perhaps its tool and spindle."""

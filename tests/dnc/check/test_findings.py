@@ -54,6 +54,7 @@ EXAMPLES: dict[Row, str] = {
     ("after-end", "warning"): part("X9 F250\n") + "X9\n",
     ("no-feed", "error"): NAME + START.replace(" F100", "") + "X9 F250\n" + END,
     ("no-spindle", "error"): NAME + START.replace("S1000 M3\n", "") + "X9 F250\n" + END,
+    ("no-edge", "warning"): NAME + START.replace("D1", "D0") + "X9 F250\n" + END,
     ("line-end", "error"): part("X9 F250\rX20\n"),
     ("no-offset", "warning"): NAME + START.replace("G54\n", "") + "X9 F250\n" + END,
     ("odd-feed", "warning"): part("X9 F250\nX20 F25000\n"),

@@ -64,6 +64,8 @@ def test_each_rule(middle: str, found: list[tuple[str, int]]) -> None:
         ("G1 X9 F250\nN20 X12 (second)\n", "wrong-dialect", "a comment in brackets"),
         ("G1 X9 F250\nG49\n", "wrong-dialect", "D0 takes the length off"),
         ("M5\nG95 G1 X9 F.1\n", "no-spindle", "a spindle that stands"),
+        ("G1 X9 F250\nG0 Z50\nM5\nT3 M6\nG0 Z10\nG1 Z1 F100\nX20 F250\n", "no-spindle", "with the spindle stopped"),
+        ("G1 X9 F250\nG0 SUPA Z0 D0\nG0 X9\nZ10\nG1 Z1 F100\nX20 F250\n", "no-edge", "D0 is in force"),
         ("G1 X9 F250\rX20\n", "line-end", "CR stands without LF"),
         ("G1 X9 F.2\n", "odd-feed", "for each turn"),
         ("G0 Z5\nX9 F250\n", "feed-in-rapid", "G1 may have been lost"),
@@ -78,6 +80,31 @@ def test_slips_of_the_shop_are_told_in_its_words(middle: str, name: str, words: 
     check.chunk((HEAD + middle + TAIL).encode(), 1)
     (told,) = [one.sentence("") for one in check.finish().findings if one.id == name]
     assert words in told
+
+
+@pytest.mark.parametrize(
+    "middle",
+    [
+        "G1 X9 F250\nM5\nG1 Z50 F2000\nX20\nZ60\nM3\nG0 Z10\nG1 Z1 F100\nX30 F250\n",
+        "G1 X9 F250\nG0 SUPA Z0 D0\nG0 X9 D1\nZ10\nG1 Z1 F100\nX20 F250\n",
+        "G1 X9 F250\nG0 SUPA Z0 D0\nT3 M6\nG0 X9\nZ10\nG1 Z1 F100\nX20 F250\n",
+    ],
+    ids=["leaving by feed", "the edge comes back", "a change of tool brings its edge"],
+)
+def test_what_is_ready_again_before_it_cuts_is_no_finding(middle: str) -> None:
+    """(6.10) Retracts by feed with the spindle stopped, and D0 for the way to the tool change, are usual."""
+    assert not {"no-spindle", "no-edge"} & {name for name, _ in ids(middle)}
+
+
+def test_a_spindle_that_stands_is_told_in_bulk_as_block_by_block() -> None:
+    """(6.10) Once for a stop, in the first block that cuts."""
+    cuts = "".join(f"X{place} Y{place % 2}\n" for place in range(10, 60))
+    middle = f"G1 X9 F250\nM5\n{cuts}"
+    check = Check(Limits(PROFILE))
+    check.chunk((HEAD + middle + TAIL).encode(), 1)
+    found = [(one.id, one.line - HEAD.count("\n")) for one in check.finish().findings]
+    assert found == ids(middle)
+    assert found == [("no-spindle", 3)]
 
 
 def test_a_heidenhain_program_is_told_in_its_first_line() -> None:
