@@ -36,6 +36,7 @@ def takes_runs(interpreter: Interpreter, track: Track) -> bool:
         and track.plunge is None
         and not track.is_lacking
         and track.direction is not None
+        and track.is_height_known
         and track.cut_mm + track.air_mm > 0.0
     )
 

@@ -208,6 +208,8 @@ class Check:
             self._add(idle_words(block, self.track), block.line, block.number)
 
     def _commands(self, commands: list[canon.Command]) -> None:
+        if self._interpreter is not None:
+            self.track.is_incremental = self._interpreter.modal.dimension == "G91"
         for command in commands:
             is_told = isinstance(command, canon.Alarm) and self._errors_here
             for rule in () if is_told else COMMAND_RULES.get(type(command), ()):

@@ -28,9 +28,10 @@ class SplineRun:
 class Track:
     """State before the current block or command.
 
-    `is_height_known`: the program has said where Z is, in work coordinates. `is_readiness_lost`: a block was refused
-    that would have set tool or spindle. `clear_z_mm` is the lowest height that a rapid reached: taken to be above
-    the part. `cut_top_mm` is the highest point cut below it, `hole` the bottom of the last plunge straight down.
+    `is_height_known`: the program has said where Z is, in work coordinates; a step under G91 (`is_incremental`) does
+    not. `is_readiness_lost`: a block was refused that would have set tool or spindle. `clear_z_mm` is the lowest height
+    that a rapid reached: taken to be above the part. `cut_top_mm` is the highest point cut below it, `hole` the bottom
+    of the last plunge straight down.
     `told_feed_mm_min` is the last feed that was found odd; `is_stop_told` and `is_edge_told` hold until the spindle
     starts and an edge is called. `length_mm` is that of the last feed move, `direction` the unit direction at its end,
     None after a rapid or a stop. `air_mm` and `cut_mm` add up feed moves.
@@ -49,6 +50,7 @@ class Track:
     has_moved: bool = False
     is_inch: bool = False
     is_height_known: bool = False
+    is_incremental: bool = False
     is_readiness_lost: bool = False
     is_subprogram: bool = False
     has_offset: bool = False
@@ -185,7 +187,8 @@ class Track:
 
     def _see_feed(self, move: canon.Line | canon.Arc | canon.Polynomial) -> None:
         self.has_moved = True
-        is_start_known, self.is_height_known = self.is_height_known, True
+        is_start_known = self.is_height_known
+        self.is_height_known |= move.end[2] != move.start[2] and not self.is_incremental
         self.length_mm = length_mm = length(move)
         if is_air(move, self.clear_z_mm):
             self.air_mm += length_mm
@@ -194,8 +197,8 @@ class Track:
             self.air_line = self.air_line or move.line
         else:
             self.cut_mm += length_mm
-            top_mm = move.start[2] if is_retract(move) else max(move.start[2], move.end[2])
-            self.cut_top_mm = max(self.cut_top_mm, top_mm)
+            if self.is_height_known:
+                self.cut_top_mm = max(self.cut_top_mm, _top_mm(move, is_start_known=is_start_known))
         self.is_backward = not self.is_backward and turns_back(self.direction, move)
         self.plunge = move if isinstance(move, canon.Line) and is_plunge(move) and is_start_known else None
         if self.plunge is not None and move.end[2] < self.clear_z_mm:
@@ -204,6 +207,12 @@ class Track:
         if length_mm > 0.0:
             self.direction = end_direction(move)
         self.spindle_line = None
+
+
+def _top_mm(move: canon.Motion, *, is_start_known: bool) -> float:
+    if not is_start_known:
+        return move.end[2]
+    return move.start[2] if is_retract(move) else max(move.start[2], move.end[2])
 
 
 def is_inch(code: str) -> bool:

@@ -157,6 +157,22 @@ def test_a_subprogram_need_not_ready_the_machine(tmp_path: Path) -> None:
         assert not names & {"no-tool", "no-spindle", "no-offset"}, name
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "G1 Z-1 F100\nX10 F250\nG0 Z5\nX0\nM17\n",
+        "PROC SIDE\nG91 G1 Z-1 F100\nG90 X10 F250\nG0 Z5\nX0\nRET\n",
+        "G1 X10 F250\nG0 Z5\nX0\nM17\n",
+    ],
+    ids=["a plunge", "a step down", "no height at all"],
+)
+def test_where_a_subprogram_begins_is_not_known(text: str, tmp_path: Path) -> None:
+    """(6.10) Its first plunge was taken to begin 500 mm up, and every rapid after it to run below the cut."""
+    path = tmp_path / "side.spf"
+    path.write_text(text)
+    assert {one.id for one in check_program(path, Limits(PROFILE)).found.findings} <= {"no-header"}
+
+
 def test_no_end_no_header_no_spindle_no_tool_no_feed() -> None:
     """(6.10)"""
     names = {name for name, _ in ids("", head="G0 Z50\nG1 X5\nG1 X5 F100\n", tail="")}
