@@ -83,6 +83,8 @@ class Check:
             if stamp is not None:
                 self._add(wrong_stamp(stamp, number, self.limits), number, None)
         body = raw.rstrip(b"\r\n").removeprefix(UTF8_MARK)
+        motion_code = self.track.motion_code
+        self.track.is_passed_over = self._interpreter is not None and self._interpreter.is_passing_over
         is_plain = self._plain(body, number)
         block = None if is_plain else self._block(body, number)
         self._readies_here = not is_plain and (block is None or any(word.address in _READYING for word in block.words))
@@ -90,8 +92,13 @@ class Check:
             return
         self._note_size(number, len(raw))
         commands = self._interpreter.block(body, number, block)
+        is_left_out = self.track.is_passed_over and self._interpreter.is_passing_over
+        if is_left_out:
+            self.track.motion_code = motion_code
         if commands:
             self._commands(commands)
+        elif is_left_out:
+            return
         elif self._interpreter.modal.compensation == "G40" and self.track.motion_code in IDLE_CODES:
             self._idle(block or _read(body, number))  # otherwise the move waits for the next
 

@@ -29,9 +29,10 @@ class Track:
     """State before the current block or command.
 
     `is_height_known`: the program has said where Z is, in work coordinates; a step under G91 (`is_incremental`) does
-    not. `is_readiness_lost`: a block was refused that would have set tool or spindle. `clear_z_mm` is the lowest height
-    that a rapid reached: taken to be above the part. `cut_top_mm` is the highest point cut below it, `hole` the bottom
-    of the last plunge straight down.
+    not. `is_readiness_lost`: a block was refused that would have set tool or spindle. `is_passed_over`: the block is in
+    a branch that is not taken, or before the target of a jump. `clear_z_mm` is the lowest height that a rapid reached:
+    taken to be above the part. `cut_top_mm` is the highest point cut below it, `hole` the bottom of the last plunge
+    straight down.
     `told_feed_mm_min` is the last feed that was found odd; `is_stop_told` and `is_edge_told` hold until the spindle
     starts and an edge is called. `length_mm` is that of the last feed move, `direction` the unit direction at its end,
     None after a rapid or a stop. `air_mm` and `cut_mm` add up feed moves.
@@ -53,6 +54,7 @@ class Track:
     is_incremental: bool = False
     is_readiness_lost: bool = False
     is_subprogram: bool = False
+    is_passed_over: bool = False
     has_offset: bool = False
     is_zero_shifted: bool = False
     is_radius_told: bool = False

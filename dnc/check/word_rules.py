@@ -161,7 +161,7 @@ def idle_words(block: Block, track: Track) -> Iterator[Finding]:
 def feed_in_rapid(block: Block, track: Track) -> Iterator[Finding]:
     """F beside coordinates while rapids are in force and the block does not say so: a G1 may have been lost."""
     words = {word.address: word for word in block.words}
-    is_rapid = track.motion_code == "G0" and motion_code_of(block) is None
+    is_rapid = track.motion_code == "G0" and motion_code_of(block) is None and not track.is_passed_over
     if is_rapid and "F" in words and _AXES & words.keys():
         yield Finding(
             "feed-in-rapid",

@@ -78,6 +78,11 @@ class Interpreter:
         """Whether an IF or a loop of the main program is open, or a jump looks for its target."""
         return bool(self._main.opened or self._main.sections) or self._main.search is not None
 
+    @property
+    def is_passing_over(self) -> bool:
+        """Whether blocks are passed over: the branch of an IF that is not taken, or the way to the target of a jump."""
+        return self._main.search is not None
+
     def go_on_from(self, other: Interpreter) -> None:
         """Take over the state, the variables and the open structures that another interpreter left."""
         for one in fields(State):

@@ -173,6 +173,13 @@ def test_where_a_subprogram_begins_is_not_known(text: str, tmp_path: Path) -> No
     assert {one.id for one in check_program(path, Limits(PROFILE)).found.findings} <= {"no-header"}
 
 
+def test_a_branch_that_is_passed_over_moves_nothing() -> None:
+    """(6.10) Its moves have no length of their own, and its codes are not in force behind it."""
+    branches = "R1=1\nIF R1==2\nG1 X10 F250\nG0 Z10\nELSE\nX20 F250\nENDIF\nX30\n"
+    assert ids(branches) == []
+    assert ids(branches.replace("R1=1", "R1=2").replace("Z10", "Z9").replace("X30", "G0 X30")) == []
+
+
 def test_no_end_no_header_no_spindle_no_tool_no_feed() -> None:
     """(6.10)"""
     names = {name for name, _ in ids("", head="G0 Z50\nG1 X5\nG1 X5 F100\n", tail="")}
