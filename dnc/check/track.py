@@ -8,11 +8,13 @@ from dataclasses import dataclass, field
 from dnc.check.limits import Limits
 from dnc.check.moves import end_direction, is_air, is_plunge, is_retract, length, turns_back
 from dnc.check.numbering import NumberSet, starts_over
-from planner.gcode import GROUP_OF, Block, ModalGroup, code_of, header_name
+from planner.gcode import GROUP_OF, Block, ModalGroup, Text, code_of, header_name
 from sim.interpreter import canon
 
 _AXES = frozenset("XYZ")
 _ENDS = frozenset({"M2", "M17", "M30"})
+NAMED_TOOL = -1
+"""Stands for a tool that is called by a name without a digit, whose number only the control knows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,7 @@ class Track:
     spindle_line: int | None = None
     is_stop_told: bool = False
     tool: int | None = None
+    is_tool_named: bool = False
     edge: int = 1
     is_edge_told: bool = False
     clear_z_mm: float = math.inf
@@ -125,6 +128,8 @@ class Track:
             group = GROUP_OF.get(code) if code is not None else None
             if code is not None and group is ModalGroup.UNITS:
                 self.is_inch = is_inch(code)
+            if word.address == "T":
+                self.is_tool_named = isinstance(word.value, Text)
             if group is ModalGroup.WORK_OFFSET:
                 self.has_offset, self.is_zero_shifted = True, code != "G500"
 
@@ -154,7 +159,7 @@ class Track:
             case canon.Dwell():
                 self.spindle_line = None
             case canon.ChangeTool(number=number):
-                self.tool = number
+                self.tool = number or (NAMED_TOOL if self.is_tool_named else 0)
                 self._see_edge(1)
             case canon.SelectEdge(number=number):
                 self._see_edge(number)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 from dnc.check.finding import Finding, Severity
 from dnc.check.numbering import LARGEST_NUMBER, starts_over
-from dnc.check.track import Track, is_inch, motion_code_of
+from dnc.check.track import NAMED_TOOL, Track, is_inch, motion_code_of
 from planner.gcode import GROUP_OF, Block, ModalGroup, Word, code_of
 from planner.gcode.statement import Case, For, Jump, Mark, Marker, RepeatSection, Until, While
 
@@ -197,12 +197,13 @@ def unknown_radius(block: Block, track: Track) -> Iterator[Finding]:
         is_on = code_of(word) in ("G41", "G42")
         if is_on and not track.is_radius_told and track.tool not in track.limits.tool_radii_mm:
             track.is_radius_told = True
+            tool = "the tool" if track.tool == NAMED_TOOL else f"tool T{track.tool or 0}"
             yield Finding(
                 "radius-unknown",
                 Severity.NOTE,
                 block.line,
                 word.column,
-                f"the radius of tool T{track.tool or 0} is not known here",
+                f"the radius of {tool} is not known here",
                 "the contour is checked as it is programmed, not as the tool's centre runs beside it",
                 "name the job with --job",
             )

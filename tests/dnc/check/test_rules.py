@@ -180,6 +180,12 @@ def test_a_branch_that_is_passed_over_moves_nothing() -> None:
     assert ids(branches.replace("R1=1", "R1=2").replace("Z10", "Z9").replace("X30", "G0 X30")) == []
 
 
+def test_a_tool_that_is_called_by_name_is_a_tool() -> None:
+    """(6.10) A name without a digit was taken for T0, an empty spindle."""
+    assert ids("X9 F250\n", head=HEAD.replace("T2", 'T="FINISHER"')) == []
+    assert ("no-tool", 0) in ids("X9 F250\n", head=HEAD.replace("T2", "T0"))
+
+
 def test_no_end_no_header_no_spindle_no_tool_no_feed() -> None:
     """(6.10)"""
     names = {name for name, _ in ids("", head="G0 Z50\nG1 X5\nG1 X5 F100\n", tail="")}
