@@ -12,6 +12,7 @@ from dnc.check import moves
 from dnc.check.finding import Finding, Severity
 from dnc.check.track import Track
 from sim.interpreter import canon
+from sim.interpreter.tangents import extent
 
 CommandRule = Callable[[canon.Command, Track], Iterator[Finding]]
 
@@ -225,14 +226,17 @@ def reversal(command: canon.Command, track: Track) -> Iterator[Finding]:
 
 
 def axis_limit(command: canon.Command, track: Track) -> Iterator[Finding]:
-    """An end beyond the travel of an axis; with a work offset, beyond it wherever the zero point lies."""
+    """A move beyond the travel of an axis; with a work offset, beyond it wherever the zero point lies."""
     if not isinstance(command, (canon.Rapid, *_FEEDS)):
         return
+    low, high = extent(command)
     is_shifted = track.is_zero_shifted and not (isinstance(command, canon.Rapid) and command.is_machine)
     for axis, name in enumerate(_AXES):
         least_mm, most_mm = track.limits.reach_mm(name, is_shifted)
-        at_mm = command.end[axis]
-        if at_mm == command.start[axis] or least_mm <= at_mm <= most_mm:
+        start_mm, end_mm = command.start[axis], command.end[axis]
+        outside = [at for at in (low[axis], high[axis]) if at != start_mm and not least_mm <= at <= most_mm]
+        at_mm = outside[0] if outside else end_mm
+        if at_mm == start_mm or least_mm <= at_mm <= most_mm:
             continue
         if is_shifted:
             what = f"{name} {at_mm:g} is farther from the zero point than the axis travels, {most_mm:g} mm"

@@ -186,6 +186,13 @@ def test_a_tool_that_is_called_by_name_is_a_tool() -> None:
     assert ("no-tool", 0) in ids("X9 F250\n", head=HEAD.replace("T2", "T0"))
 
 
+@pytest.mark.parametrize("arc", ["G2 X10 Y0 I900 J0 F250\n", "G2 X10 Y10 CR=-900 F250\n"])
+def test_an_arc_that_bulges_beyond_the_travel_is_told(arc: str) -> None:
+    """(6.10) Both its ends may lie within."""
+    assert ("axis-limit", 2) in ids(f"G1 X10 F250\n{arc}")
+    assert ids(f"G1 X10 F250\n{arc.replace('900', '90')}") == []
+
+
 def test_no_end_no_header_no_spindle_no_tool_no_feed() -> None:
     """(6.10)"""
     names = {name for name, _ in ids("", head="G0 Z50\nG1 X5\nG1 X5 F100\n", tail="")}
