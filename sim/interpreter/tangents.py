@@ -70,17 +70,17 @@ def _radial(arc: Arc) -> tuple[Vector, float]:
 
 
 def _arc_extremes(arc: Arc) -> list[Vector]:
+    """Where a coordinate turns, in the first and the last turn: those between lie between."""
     radial, _ = _radial(arc)
     side = cross(arc.axis, radial)
     found = []
     for index in range(3):
-        angle = math.atan2(side[index], radial[index])
-        for turn in range(-1, math.ceil(arc.sweep_rad / math.pi) + 1):
+        angle = math.atan2(side[index], radial[index]) % math.pi
+        last = math.floor((arc.sweep_rad - angle) / math.pi)
+        for turn in {0, 1, last - 1, last}:
             at = angle + turn * math.pi
             if 0.0 < at < arc.sweep_rad:
                 found.append(point_on_arc(arc, at))
-            if len(found) > 64:
-                return found
     return found
 
 

@@ -105,6 +105,15 @@ def test_working_area_counts_what_bulges_out() -> None:
     assert len(motions("G26 Y5.1\nG2 X10 Y0 I5 J0 F100\nPOLY PO[X]=(0) PO[Y]=(0,-20)")) == 2
 
 
+def test_a_helix_of_many_turns_bulges_out_like_one_of_few() -> None:
+    """(6.2) The extremes of the first axis alone filled what was looked at: beyond 32 turns Y and Z had none."""
+    for turns in (1, 31, 40, 999):
+        assert run(f"G26 Y5\nG1 X10 F100\nG3 X10 Y0 Z-5 I-10 J0 TURN={turns}")[-1].number == 10730  # type: ignore[attr-defined]
+        (_, helix) = motions(f"G26 Y11\nG1 X10 F100\nG3 X10 Y0 Z-5 I-10 J0 TURN={turns}")
+        low, high = extent(helix)
+        assert (*low, *high) == pytest.approx((-10, -10, -5, 10, 10, 0), abs=1e-9)
+
+
 def test_nothing_leaves_after_the_end() -> None:
     """(6.2)"""
     for end in ("M2", "M30", "M17"):
