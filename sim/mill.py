@@ -57,6 +57,7 @@ def settings_of(
         has_tool_changer=profile.has_tool_changer,
         is_inch=profile.is_inch,
         is_drip_fed=is_drip_fed,
+        travel_mm=tuple((axis.min_mm, axis.max_mm) for axis in profile.axes),
         subprogram_folder=subprogram_folder,
         tools={number: Tool(radius_mm) for number, radius_mm in (tool_radii_mm or {}).items()},
     )

@@ -44,6 +44,7 @@ def interpret_bulk(data: Data, settings: Settings | None = None) -> Iterator[Com
             chunk = _next_chunk(data, source, index)
         if chunk is not None and chunk.holds(index) and interpreter.takes_runs:
             end = chunk.run_end(index)
+            end = index + interpreter.plain_rows_within(chunk.lines.values[index - chunk.first : end - chunk.first])
             if end - index >= _SHORTEST_RUN:
                 rows = slice(index - chunk.first, end - chunk.first)
                 run = straight_run(interpreter, chunk.lines.values[rows], index + 1)

@@ -10,6 +10,9 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import fields
 
+import numpy as np
+from numpy.typing import NDArray
+
 from planner.gcode import Block, SyntaxProblem, read_block
 from planner.gcode.statement import Define, Procedure, Return
 from sim.interpreter import canon
@@ -27,6 +30,7 @@ from sim.interpreter.state import State
 from sim.interpreter.structures import glance
 from sim.interpreter.subprograms import Subprograms
 from sim.interpreter.system_variables import SystemVariables
+from sim.interpreter.travel import rows_within
 from sim.interpreter.values import Variables
 
 
@@ -116,6 +120,10 @@ class Interpreter:
     def total_shift(self) -> Vector:
         """Canonical minus programmed coordinates while the frame only shifts."""
         return mapping_of(self._state, self._settings, is_suppressed=False).total_shift
+
+    def plain_rows_within(self, values: NDArray[np.float64]) -> int:
+        """How many of these plain blocks (`PlainLines.values`), from the first on, stay within the axes' travel."""
+        return rows_within(values, self._state, self._settings, self.total_shift)
 
     def take_run(self, count: int, feed: float, last: canon.Line | None) -> None:
         """The next `count` blocks, all plain, have been read elsewhere; the state becomes what they leave."""

@@ -15,6 +15,7 @@ from sim.interpreter.spline_builders import AkimaBuilder, CubicBuilder, SplineBu
 from sim.interpreter.state import State
 from sim.interpreter.tangents import extent, start_tangent
 from sim.interpreter.targets import path_feed
+from sim.interpreter.travel import check_travel
 
 
 class Path:
@@ -120,6 +121,7 @@ class Path:
 
     def _check_area(self, motion: canon.Motion) -> None:
         state = self._state
+        check_travel(motion, state, self._settings)
         if not state.is_area_limited or state.area_min_mm == state.area_max_mm == (None, None, None):
             return
         low, high = extent(motion)

@@ -41,6 +41,7 @@ class Settings:
     while that offset is active, and stay continuous when another one is. `work_offsets_mm` gives machine positions of
     the work origins (default zero). `start_mm` is where the machine stands before the first block, in canonical
     coordinates. `poly_degree` is the highest degree of polynomials. `skip_levels` are the levels selected at the panel.
+    `travel_mm` is least and greatest machine position of X, Y and Z; None where nothing watches them.
     `unknown_radius_mm` is that of tools which `tools` does not list; where it is None, compensating them is an alarm.
     `backward_jump_alarm` is what a drip-fed program raises when it jumps back. `is_inch` is the basic system: the unit
     until a code sets one, and that of feeds under G70 and G71. `max_repeats` bounds every loop: jumps and blocks that
@@ -63,6 +64,7 @@ class Settings:
     reference_point_mm: Vector = (0.0, 0.0, 0.0)
     fixed_points_mm: Mapping[int, Vector] = field(default_factory=lambda: MappingProxyType({}))
     start_mm: Vector = (0.0, 0.0, 500.0)
+    travel_mm: tuple[tuple[float, float], ...] | None = None
     spindle_max_rpm: float = 100_000.0
     arc_tolerance_mm: float = 0.01
     arc_tolerance_share: float = 0.001

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sim.interpreter.canon import Alarm, ChangeTool, Line
-from sim.interpreter.run import interpret
+from sim.interpreter.run import Interpreter, interpret
 from sim.mill import rehearse, settings_of
 from sim.motion.values import Samples
 from sim.motion_log import MotionLog, Peaks
@@ -65,6 +65,38 @@ def test_subprograms_are_found_in_the_folder(tmp_path: Path) -> None:
     assert recording.alarms == []
     assert recording.travelled[-1].end[0] == 10.0
     assert rehearse(b"POCKET(5)\nM30\n", PROFILE).alarms[0].number == 12550
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("G54 G0 Z50\nG1 X990 F9999\nX1001\n", 3),
+        ("G500 G0 Z50\nG1 X501 F9999\n", 2),
+        ("G54 G0 Z50\nG0 SUPA Z501\n", 2),
+        ("G54 G0 Z50\nG2 I900 F9999\n", 2),
+        ("G54 G0 Z50\nPOLY PO[X]=(10) PO[Y]=(0,-9000) F9999\n", 2),
+        ("G54 G0 Z50\nBSPLINE X2 Y9 F9999\nX4 Y1900\nX6 Y1900\nX8 Y1900\nX9 Y0\nG1 X10\n", 4),
+        ("G54 G0 Z50\nG1 F9999\n" + "".join(f"X{90 * step}\n" for step in range(40)), 15),
+    ],
+    ids=["line", "machine's zero", "SUPA", "arc", "POLY", "spline", "run of plain blocks"],
+)
+def test_a_move_beyond_the_travel_is_refused(text: str, line: int) -> None:
+    """(1.3) As a software limit switch does it; the mill drove X to 99 m. Alike in bulk and block by block."""
+    recording = rehearse(f"{text}M30\n".encode(), PROFILE)
+    assert [(alarm.number, alarm.line) for alarm in recording.alarms] == [(10720, line)]
+    settings = settings_of(PROFILE, is_drip_fed=True)
+    interpreter = Interpreter(settings)
+    lines = enumerate(text.encode().splitlines(), 1)
+    found = [command for number, raw in lines for command in interpreter.block(raw, number)]
+    assert [one.line for one in found if isinstance(one, Alarm)] == [line]
+
+
+def test_within_what_some_zero_point_reaches_nothing_is_refused() -> None:
+    """(1.3) Where the zero point lies is the setter's; a start outside may be left."""
+    cuts = "".join(f"X{-50 * step}\n" for step in range(20))
+    assert rehearse(f"G54 G0 Z-300\nG1 F9999\n{cuts}G0 SUPA Z0\nM30\n".encode(), PROFILE).alarms == []
+    low = replace(PROFILE, axes=tuple(replace(axis, min_mm=-90.0, max_mm=90.0) for axis in PROFILE.axes))
+    assert rehearse(b"G500 G0 Z90\nM30\n", low).alarms == []
 
 
 def test_override_slows_the_rehearsal() -> None:
