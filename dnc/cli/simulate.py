@@ -48,7 +48,7 @@ def command(
     import json
 
     from dnc.errors import ExitCode
-    from dnc.profile import profile_path
+    from dnc.profile import load_profile, profile_path
     from dnc.progress import working
     from planner.files import check_outputs, read_program, write_file
     from planner.job import load_job
@@ -64,6 +64,7 @@ def command(
         from sim.plot import require_drawing
 
         require_drawing()
+    load_profile(profile_path(machine))  # whose keys the mill's own half does not all know
     nominal = load_nominal(job) if job is not None else None
     if nominal is not None:
         check_pitch(nominal.patches, _pitch_mm(nominal, pitch_mm))

@@ -100,6 +100,16 @@ def test_a_program_that_cannot_be_read_is_one_sentence(
     assert not report.exists()
 
 
+def test_a_profile_that_the_sender_refuses_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """(2.7) A mistyped key was passed over in silence, and the default taken."""
+    profile, program = tmp_path / "mine.toml", tmp_path / "part.mpf"
+    text = profile_path("virtual-mill").read_text()
+    profile.write_text(text.replace("lookahead_blocks", "look_ahead_blocks"))
+    program.write_bytes(PROGRAM)
+    assert run_with(["simulate", str(program), "--machine", str(profile)]) == 8
+    assert "look_ahead_blocks" in capsys.readouterr().err
+
+
 def test_a_picture_needs_the_design(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """(2.7) --plot without --job is refused before anything is simulated."""
     assert run_with(["simulate", str(tmp_path / "part.mpf"), "--plot", "map.png"]) == 2
