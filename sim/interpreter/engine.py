@@ -210,9 +210,11 @@ class Interpreter:
         else:
             block = _called_from(block, self._line, self._number)
         if block.skip_level is None or block.skip_level not in self._settings.skip_levels:
+            before = self._outlet.count
             try:
                 self._execute(level, index, block)
             except ControlAlarm as alarm:
+                self._outlet.withdraw(before)
                 if alarm.line is None:
                     alarm.column = alarm.column or _first_column(block)
                 raise

@@ -37,6 +37,16 @@ class Outlet:
         self._waiting.append(slot)
         return slot
 
+    @property
+    def count(self) -> int:
+        """Commands and empty slots that wait, for `withdraw`."""
+        return len(self._waiting)
+
+    def withdraw(self, count: int) -> None:
+        """Take back all but the first `count` that wait: their block has been refused."""
+        while len(self._waiting) > count:
+            self._waiting.pop()
+
     def abandon(self) -> None:
         """Nothing will fill the empty slots any more."""
         for waiting in self._waiting:

@@ -114,6 +114,26 @@ def test_a_helix_of_many_turns_bulges_out_like_one_of_few() -> None:
         assert (*low, *high) == pytest.approx((-10, -10, -5, 10, 10, 0), abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    "refused",
+    ["G1 X10 I5", "G0 X10 CR=5", "X10 TURN=2", "S500 M3 X10 I5", "T2 M6 PL=3 X9", "G2 X10 I5 SD=3 J0", "POLY X10 J3"],
+)
+def test_a_refused_block_does_nothing(refused: str) -> None:
+    """(6.2) A word without meaning was found after the move that it stood beside, and the mill made that move."""
+    first, *rest = run(f"G1 X5 F100\n{refused}\nX20")
+    assert isinstance(first, canon.Line)
+    assert [type(one) for one in rest] == [canon.Alarm]
+
+
+def test_what_waits_before_a_refused_block_is_given() -> None:
+    """(6.2) The spline up to it, and the compensated contour."""
+    spline = "G1 X0 F100\nBSPLINE X1 Y1\nX2\nX3\nX4\n"
+    assert len(run(spline + "G1 X5 I5")) == len(motions(spline + "M30")) + 1
+    contour = "T1 M6\nG41 G1 X10 Y5 F100\nX20\n"
+    found = run(contour + "Y30 I5", unknown_radius_mm=2.0)
+    assert [type(one) for one in found[-3:]] == [canon.Line, canon.Line, canon.Alarm]
+
+
 def test_nothing_leaves_after_the_end() -> None:
     """(6.2)"""
     for end in ("M2", "M30", "M17"):
