@@ -13,6 +13,7 @@ from dnc.check.finding import Finding, Severity
 from dnc.check.track import Track
 from sim.interpreter import canon
 from sim.interpreter.tangents import extent
+from sim.interpreter.vocabulary import NOT_MODELLED
 
 CommandRule = Callable[[canon.Command, Track], Iterator[Finding]]
 
@@ -27,13 +28,16 @@ def alarm(command: canon.Command, track: Track) -> Iterator[Finding]:
         is_jump = command.number == track.limits.profile.control.backward_jump_alarm
         name = "jump" if is_jump else ALARM_IDS.get(command.number, "alarm")
         text, _, remedy = command.text.partition("; ")
+        reason = f"the control stops here with alarm {command.number}"
+        if text.endswith(NOT_MODELLED):
+            reason = f"what it does is not checked; the virtual mill stops here with alarm {command.number}"
         yield Finding(
             name,
             Severity.ERROR,
             command.line,
             command.column or 1,
             text,
-            f"the control stops here with alarm {command.number}",
+            reason,
             remedy or "mend the block",
         )
 

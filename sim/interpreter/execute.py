@@ -20,6 +20,7 @@ from sim.interpreter.request import AXES, Request, request_of
 from sim.interpreter.settings import Settings
 from sim.interpreter.state import State
 from sim.interpreter.values import Variables, evaluate
+from sim.interpreter.vocabulary import refusal_of
 
 _MESSAGE_LIMIT = 200
 _ENDS = frozenset({2, 17, 30})
@@ -100,6 +101,9 @@ class Executor:
         if number is not None:
             calls.append(Word(f"L{number:g}", column=column))
         if len(calls) > 1:
+            refusal = refusal_of(calls[0].address)
+            if refusal is not None:
+                raise ControlAlarm(AlarmNumber.NAME_UNKNOWN, refusal, calls[0].column)
             text = f"{calls[0].address} and {calls[1].address} are called in one block; one call is expected"
             raise ControlAlarm(AlarmNumber.BLOCK_NOT_INTERPRETABLE, text, calls[1].column)
         for word in calls:

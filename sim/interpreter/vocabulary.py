@@ -131,6 +131,8 @@ IGNORED_ADDRESSES: dict[str, str] = {
     "DISPLOF": "nothing is displayed",
     "DISPLON": "nothing is displayed",
 }
+NOT_MODELLED = "is not modelled"
+"""What alarms say of words that a real control knows."""
 _CYCLES = "CYCLE800 CYCLE801 POCKET1 POCKET2 POCKET3 POCKET4 SLOT1 SLOT2 LONGHOLE HOLES1 HOLES2"
 REFUSED_WORDS: dict[str, str] = {
     **dict.fromkeys("ABCUVW", "a further axis"),
@@ -150,9 +152,19 @@ REFUSED_WORDS: dict[str, str] = {
     **dict.fromkeys([*(f"CYCLE{number}" for number in range(71, 90)), *_CYCLES.split()], "a machining cycle"),
 }
 """Addresses, functions and calls of the language that are refused by name."""
+_MOVES = frozenset(
+    {
+        "rounding between contour blocks", "a chamfer between contour blocks", "a contour by angles",
+        "polar coordinates", "a transformation", "a modal call", "a machining cycle",
+    }
+)  # fmt: skip
+"""What makes moves of its own: to leave such a word out would leave out material."""
 
 
 def refusal_of(word: str) -> str | None:
     """Why a word of the language is refused, as a sentence, or None where it is not."""
     reason = REFUSED_WORDS.get(word)
-    return None if reason is None else f"{word} ({reason}) is not available on this control; leave it out"
+    if reason is None:
+        return None
+    remedy = "write out the moves that it makes" if reason in _MOVES else "leave it out"
+    return f"{word} ({reason}) {NOT_MODELLED}; {remedy}"
