@@ -122,6 +122,8 @@ IGNORED_ADDRESSES: dict[str, str] = {
     "SPLINEPATH": "splines run in X, Y and Z, which is the default",
     "STOPRE": "blocks take effect in order, so there is nothing to wait for",
     "POLYPATH": "polynomials apply to all axes, which is the default",
+    "SPATH": "all axes follow the path",
+    "UPATH": "all axes follow the path",
     "CYCLE832": "high-speed settings are not modelled",
     "WORKPIECE": "the blank is for the control's own picture",
     "GROUP_BEGIN": "groups are for the control's editor",

@@ -188,6 +188,12 @@ def test_a_branch_that_is_passed_over_moves_nothing() -> None:
     assert ids(branches.replace("R1=1", "R1=2").replace("Z10", "Z9").replace("X30", "G0 X30")) == []
 
 
+@pytest.mark.parametrize("word", ["UPATH", "SPATH"])
+def test_the_path_parameter_of_cam_headers_is_no_unknown_word(word: str) -> None:
+    """(6.5) Heads of five-axis posts name it for three axes too; there all axes follow the path."""
+    assert ids(f"X9 F250\n{word}\nX20\n") == []
+
+
 def test_a_tool_that_is_called_by_name_is_a_tool() -> None:
     """(6.10) A name without a digit was taken for T0, an empty spindle."""
     assert ids("X9 F250\n", head=HEAD.replace("T2", 'T="FINISHER"')) == []

@@ -144,7 +144,7 @@ def test_every_single_letter() -> None:
 @pytest.mark.parametrize("word", sorted(IGNORED_ADDRESSES))
 def test_addresses_without_effect(word: str) -> None:
     """(6.5)"""
-    calls = {"STOPRE", "DISPLOF", "DISPLON", "TRAFOOF", "SETMS"}
+    calls = {"STOPRE", "DISPLOF", "DISPLON", "TRAFOOF", "SETMS", "SPATH", "UPATH"}
     lists = {"SPLINEPATH", "POLYPATH", "CYCLE832", "WORKPIECE", "GROUP_BEGIN", "GROUP_END"}
     text = word if word in calls else f'{word}(1,,"X",Y)' if word in lists else f"{word}=1"
     assert after(text) == []
