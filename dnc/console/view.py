@@ -1,7 +1,8 @@
 """The operator's screen as rows: pure, from what is known of job and machine at one moment.
 
-80 columns and 24 rows hold it; more of either shows more of the program and of the alarms. What is not known is shown
-as `--`, what is old carries its age, and a rehearsal says SIMULATED across the whole width.
+80 columns and 24 rows hold it. More of either shows more of the program and of the alarms; less of either leaves the
+state, what is asked and the alarms. What is not known is shown as `--`, what is old carries its age, and a rehearsal
+says SIMULATED across the whole width.
 """
 
 from __future__ import annotations
@@ -48,8 +49,7 @@ HELP = (
 def screen(known: Known, columns: int, rows: int) -> list[Row]:
     """The whole screen, exactly `rows` rows of exactly `columns` columns."""
     if columns < COLUMNS or rows < ROWS:
-        small = [row(f"too small: {columns}x{rows}, needs {COLUMNS}x{ROWS}"), row(state_word(known))]
-        return [fitted(one, columns) for one in (small + [row()] * rows)[:rows]]
+        return _small(known, columns, rows)
     top = [_title(known, columns), _banner(known, columns)]
     head = [*top, *state_bar(known, columns, rows), _progress(known, columns)]
     foot = [_ask(known, columns), row(f" {KEYS}")]
@@ -57,6 +57,30 @@ def screen(known: Known, columns: int, rows: int) -> list[Row]:
     body = [*head, *middle]
     body += [row()] * (rows - len(body) - len(foot))
     return [fitted(one, columns) for one in [*body[: rows - len(foot)], *foot]]
+
+
+def _small(known: Known, columns: int, rows: int) -> list[Row]:
+    """What a terminal below the size still shows, the most urgent first: state, question, alarms, keys if they fit."""
+    mark = "  SIMULATED" if _is_job_simulated(known) or known.is_machine_simulated else ""
+    state = Span(f"{state_word(known)}{mark}", Tone.STRONG)
+    head = [row(f"too small: {columns}x{rows}, needs {COLUMNS}x{ROWS}"), row(state)]
+    asked = known.question or known.notice or "".join(span.text for span in to_do(known))
+    head += [row(Span(line, Tone.ASKS if known.question else Tone.PLAIN)) for line in _filled(asked, columns)]
+    alarms = [f"{alarm.severity.upper()} {alarm.id} {alarm.text}" for alarm in known.alarms]
+    lines = HELP if known.is_help else alarms
+    body = [row(part) for line in lines for part in _filled(line, columns)]
+    keys = [row(part) for part in _filled(KEYS, columns)]
+    room = rows - len(head) - len(keys)
+    shown = [*head, *body[:room], *[row()] * (room - len(body)), *keys] if room >= min(1, len(body)) else [*head, *body]
+    return [fitted(one, columns) for one in [*shown, *[row()] * rows][:rows]]
+
+
+def _filled(text: str, columns: int) -> list[str]:
+    return textwrap.wrap(harmless(text.strip()), columns)
+
+
+def _is_job_simulated(known: Known) -> bool:
+    return known.job is not None and bool(known.job.snapshot.get("simulated"))
 
 
 def _title(known: Known, columns: int) -> Row:
@@ -70,7 +94,7 @@ def _title(known: Known, columns: int) -> Row:
 
 
 def _banner(known: Known, columns: int) -> Row:
-    is_job = known.job is not None and bool(known.job.snapshot.get("simulated"))
+    is_job = _is_job_simulated(known)
     is_machine_seen = known.machine is not None and known.machine.is_available
     if not (is_job or known.is_machine_simulated):
         return row()
