@@ -23,6 +23,7 @@ WINDOW_S = 2.0
 Numbers = NDArray[np.int64]
 _NS = 1e9
 _FEW = 256
+_MOST_SIZES = 10_000
 
 
 def line_bytes_s(link: Link) -> float:
@@ -96,6 +97,28 @@ class RateWindow:
         bytes_s = bytes_ns * _NS * self.override
         if bytes_s > self.worst_bytes_s:
             self.worst_bytes_s, self.worst_line = bytes_s, line
+
+
+class LineSizes:
+    """The bytes of lines until a command of their block or a later one comes."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[int, int]] = deque()
+
+    def note(self, line: int, size_bytes: int) -> None:
+        """Remember the size of a line; of very many the oldest are added up."""
+        self._waiting.append((line, size_bytes))
+        if len(self._waiting) > _MOST_SIZES:
+            _, oldest_bytes = self._waiting.popleft()
+            line, size_bytes = self._waiting.popleft()
+            self._waiting.appendleft((line, size_bytes + oldest_bytes))
+
+    def up_to(self, line: int) -> int:
+        """The bytes of the lines up to this one since the last call."""
+        size_bytes = 0
+        while self._waiting and self._waiting[0][0] <= line:
+            size_bytes += self._waiting.popleft()[1]
+        return size_bytes
 
 
 def whole_ns(time_s: float) -> int:

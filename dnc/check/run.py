@@ -5,7 +5,6 @@ motion rules, at constant memory. After an alarm the refused block is left out a
 from __future__ import annotations
 
 import re
-from collections import deque
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 from dnc.check.finding import Collection, Finding, Severity
 from dnc.check.limits import Limits
 from dnc.check.motion_rules import COMMAND_RULES
+from dnc.check.number_rules import NUMBER_RULES
 from dnc.check.plain_runs import (
     SHORTEST_RUN,
     cut_sizes_bytes,
@@ -26,10 +26,10 @@ from dnc.check.plain_runs import (
     takes_runs,
 )
 from dnc.check.program_rules import END_RULES, last_block_end, not_checked, wrong_stamp
-from dnc.check.rate import RateWindow, move_time_s, rate_findings, whole_ns
+from dnc.check.rate import LineSizes, RateWindow, move_time_s, rate_findings, whole_ns
 from dnc.check.text_rules import LINE_RULES, UTF8_MARK, UTF16_MARKS, allowed_lines, encoding_mark, is_clean
 from dnc.check.track import Track
-from dnc.check.word_rules import BLOCK_RULES, IDLE_CODES, NUMBER_RULES, idle_words, iso_comment
+from dnc.check.word_rules import BLOCK_RULES, IDLE_CODES, idle_words, iso_comment
 from dnc.control_side import settings_of
 from dnc.errors import InputRejected
 from planner.files import program_chunks
@@ -48,7 +48,6 @@ _PLAIN = re.compile(rb"(?:N(\d{1,8}) ?)?(?:G0?([01]) ?(?:G9 ?)?|(POLY) )?(?:%b)+
 _POINT = re.compile(rb"[XYZ][-.\d]")
 _READYING = frozenset({"M", "M1", "S", "S1", "T"})
 _MOST_ALARMS = 100
-_MOST_SIZES = 10_000
 Progress = Callable[[int], None]
 Watch = Callable[[canon.Command], None]
 
@@ -68,7 +67,7 @@ class Check:
         self._errors_here = False
         self._readies_here = False
         self._alarms = 0
-        self._sizes: deque[tuple[int, int]] = deque()
+        self._sizes = LineSizes()
 
     def line(self, raw: bytes, number: int) -> None:
         """Check one line, its end attached."""
@@ -90,7 +89,7 @@ class Check:
         self._readies_here = not is_plain and (block is None or any(word.address in _READYING for word in block.words))
         if self._interpreter is None:
             return
-        self._note_size(number, len(raw))
+        self._sizes.note(number, len(raw))
         commands = self._interpreter.block(body, number, block)
         is_left_out = self.track.is_passed_over and self._interpreter.is_passing_over
         if is_left_out:
@@ -171,14 +170,14 @@ class Check:
             see_run(run, self.track)
             done = int(run.lines[-1]) + 1
             sizes = cut_sizes_bytes(run, sizes_bytes, first_line)
-            sizes[0] += self._sizes_to(first_line)
+            sizes[0] += self._sizes.up_to(first_line)
             for window in self._windows:
                 window.add_many(cut_times_ns(run), sizes, run.lines)
             if self._watch is not None:
                 for command in run.expand():
                     self._watch(command)
         for line in range(done, first_line + len(values)):
-            self._note_size(line, int(sizes_bytes[line - first_line]))
+            self._sizes.note(line, int(sizes_bytes[line - first_line]))
 
     def _plain(self, body: bytes, line: int) -> bool:
         """A block of plain coordinates, which only its number can make wrong; False for any other."""
@@ -243,23 +242,9 @@ class Check:
 
     def _time(self, command: canon.Command) -> None:
         time_ns = whole_ns(move_time_s(command, self.limits, self.track.length_mm))
-        size = self._sizes_to(command.line)
+        size = self._sizes.up_to(command.line)
         for window in self._windows:
             window.add(time_ns, size, command.line)
-
-    def _note_size(self, line: int, size_bytes: int) -> None:
-        """Remember the size of a line until a command of its block or a later one comes; the oldest are added up."""
-        self._sizes.append((line, size_bytes))
-        if len(self._sizes) > _MOST_SIZES:
-            _, oldest_bytes = self._sizes.popleft()
-            line, size_bytes = self._sizes.popleft()
-            self._sizes.appendleft((line, size_bytes + oldest_bytes))
-
-    def _sizes_to(self, line: int) -> int:
-        size_bytes = 0
-        while self._sizes and self._sizes[0][0] <= line:
-            size_bytes += self._sizes.popleft()[1]
-        return size_bytes
 
 
 def _settings(limits: Limits, folder: Path | None) -> Settings:

@@ -1,17 +1,15 @@
-"""Rules over single blocks as the reader gives them: numbers, codes, words of other dialects, empty moves, jumps."""
+"""Rules over single blocks as the reader gives them: codes, words of other dialects, empty moves, jumps."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from dnc.check.finding import Finding, Severity
-from dnc.check.numbering import LARGEST_NUMBER, starts_over
+from dnc.check.number_rules import NUMBER_RULES, BlockRule
 from dnc.check.track import NAMED_TOOL, Track, is_inch, motion_code_of
 from planner.gcode import GROUP_OF, Block, ModalGroup, Word, code_of
 from planner.gcode.statement import Case, For, Jump, Mark, Marker, RepeatSection, Until, While
-
-BlockRule = Callable[[Block, Track], Iterator[Finding]]
 
 _ISO_CODES = {
     "G28": "return to the reference point", "G29": "return from the reference point", "G30": "second reference point",
@@ -24,68 +22,6 @@ _ISO_CODES = {
 _AXES = frozenset("XYZ")
 IDLE_CODES = frozenset({"G1", "G2", "G3"})
 _LOOPS = (Jump, While, For, Until, Case, RepeatSection)
-
-
-def number_twice(block: Block, track: Track) -> Iterator[Finding]:
-    """The same N again in one round of numbers."""
-    if block.number is not None and block.number in track.numbers and not _is_new_round(block.number, track):
-        yield Finding(
-            "number-duplicate",
-            Severity.WARNING,
-            block.line,
-            1,
-            f"N{block.number} stands twice",
-            "a block search or a restart may begin at the wrong one",
-            "number the blocks again",
-        )
-
-
-def number_too_large(block: Block, track: Track) -> Iterator[Finding]:
-    """N with more digits than the control reads."""
-    del track
-    if block.number is not None and block.number > LARGEST_NUMBER:
-        yield Finding(
-            "number-too-large",
-            Severity.ERROR,
-            block.line,
-            1,
-            f"N{str(block.number)[:12]} has more than {len(str(LARGEST_NUMBER))} digits",
-            "the control does not read it",
-            "number the blocks again",
-        )
-
-
-def number_descends(block: Block, track: Track) -> Iterator[Finding]:
-    """N smaller than the one before, unless the numbers start over."""
-    last = track.last_number
-    if block.number is not None and last is not None and block.number < last and not starts_over(last, block.number):
-        yield Finding(
-            "number-descending",
-            Severity.WARNING,
-            block.line,
-            1,
-            f"N{block.number} comes after N{last}",
-            "a block search may not find it",
-            "number the blocks again",
-        )
-
-
-def numbers_start_over(block: Block, track: Track) -> Iterator[Finding]:
-    """A new round of numbers, as CAM systems with four digits write them: one finding a round."""
-    if block.number is not None and _is_new_round(block.number, track):
-        yield Finding(
-            "number-round",
-            Severity.NOTE,
-            block.line,
-            1,
-            f"the block numbers start over: N{block.number} comes after N{track.last_number}",
-            "numbers stand for several blocks from here on; a jump or a block search takes the first it finds",
-            "name lines in place of numbers, or number the blocks with more digits",
-        )
-
-
-def _is_new_round(number: int, track: Track) -> bool:
-    return track.last_number is not None and starts_over(track.last_number, number)
 
 
 def other_dialect(block: Block, track: Track) -> Iterator[Finding]:
@@ -292,7 +228,6 @@ def _spelled(word: Word) -> str | None:
     return "G05" if word.text in ("05", "5") else code_of(word)
 
 
-NUMBER_RULES: tuple[BlockRule, ...] = (number_twice, number_too_large, number_descends, numbers_start_over)
 BLOCK_RULES: tuple[BlockRule, ...] = (
     *NUMBER_RULES,
     other_dialect,

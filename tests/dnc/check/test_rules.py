@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import msgspec
 import pytest
 from hypothesis import given, settings
@@ -11,7 +9,7 @@ from hypothesis import strategies as st
 
 from dnc.check.limits import Limits
 from dnc.check.numbering import NumberSet
-from dnc.check.run import Check, check_program
+from dnc.check.run import Check
 from sim.interpreter.vocabulary import IGNORED_CODES, IGNORED_M, REFUSED_CODES
 from tests.dnc.check.programs import HEAD, PROFILE, TAIL, ids
 
@@ -90,31 +88,6 @@ def test_slips_of_the_shop_are_told_in_its_words(middle: str, name: str, words: 
     assert words in told
 
 
-@pytest.mark.parametrize(
-    "middle",
-    [
-        "G1 X9 F250\nM5\nG1 Z50 F2000\nX20\nZ60\nM3\nG0 Z10\nG1 Z1 F100\nX30 F250\n",
-        "G1 X9 F250\nG0 SUPA Z0 D0\nG0 X9 D1\nZ10\nG1 Z1 F100\nX20 F250\n",
-        "G1 X9 F250\nG0 SUPA Z0 D0\nT3 M6\nG0 X9\nZ10\nG1 Z1 F100\nX20 F250\n",
-    ],
-    ids=["leaving by feed", "the edge comes back", "a change of tool brings its edge"],
-)
-def test_what_is_ready_again_before_it_cuts_is_no_finding(middle: str) -> None:
-    """(6.10) Retracts by feed with the spindle stopped, and D0 for the way to the tool change, are usual."""
-    assert not {"no-spindle", "no-edge"} & {name for name, _ in ids(middle)}
-
-
-def test_a_spindle_that_stands_is_told_in_bulk_as_block_by_block() -> None:
-    """(6.10) Once for a stop, in the first block that cuts."""
-    cuts = "".join(f"X{place} Y{place % 2}\n" for place in range(10, 60))
-    middle = f"G1 X9 F250\nM5\n{cuts}"
-    check = Check(Limits(PROFILE))
-    check.chunk((HEAD + middle + TAIL).encode(), 1)
-    found = [(one.id, one.line - HEAD.count("\n")) for one in check.finish().findings]
-    assert found == ids(middle)
-    assert found == [("no-spindle", 3)]
-
-
 def test_a_heidenhain_program_is_told_in_its_first_line() -> None:
     """(6.10)"""
     assert ("wrong-dialect", 1) in ids("", head="", tail="0 BEGIN PGM 7 MM\n1 L X+0 Y+0 R0 FMAX\n2 END PGM 7 MM\n")
@@ -155,32 +128,6 @@ def test_a_refused_block_leaves_no_cascade() -> None:
     assert {name for name, _ in ids("G1 X10 F250\n", head=head)} == {"unknown-word", "wrong-dialect"}
 
 
-def test_a_subprogram_need_not_ready_the_machine(tmp_path: Path) -> None:
-    """(6.10) Tool, spindle and offset are its caller's."""
-    text = "G1 Z-1 F100\nX10 F250\nG0 Z5\nM17\n"
-    for name, head in (("side.spf", ""), ("side.mpf", "%_N_SIDE_SPF\n")):
-        path = tmp_path / name
-        path.write_text(head + text)
-        names = {one.id for one in check_program(path, Limits(PROFILE)).found.findings}
-        assert not names & {"no-tool", "no-spindle", "no-offset"}, name
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "G1 Z-1 F100\nX10 F250\nG0 Z5\nX0\nM17\n",
-        "PROC SIDE\nG91 G1 Z-1 F100\nG90 X10 F250\nG0 Z5\nX0\nRET\n",
-        "G1 X10 F250\nG0 Z5\nX0\nM17\n",
-    ],
-    ids=["a plunge", "a step down", "no height at all"],
-)
-def test_where_a_subprogram_begins_is_not_known(text: str, tmp_path: Path) -> None:
-    """(6.10) Its first plunge was taken to begin 500 mm up, and every rapid after it to run below the cut."""
-    path = tmp_path / "side.spf"
-    path.write_text(text)
-    assert {one.id for one in check_program(path, Limits(PROFILE)).found.findings} <= {"no-header"}
-
-
 def test_a_branch_that_is_passed_over_moves_nothing() -> None:
     """(6.10) Its moves have no length of their own, and its codes are not in force behind it."""
     branches = "R1=1\nIF R1==2\nG1 X10 F250\nG0 Z10\nELSE\nX20 F250\nENDIF\nX30\n"
@@ -194,28 +141,11 @@ def test_the_path_parameter_of_cam_headers_is_no_unknown_word(word: str) -> None
     assert ids(f"X9 F250\n{word}\nX20\n") == []
 
 
-def test_a_tool_that_is_called_by_name_is_a_tool() -> None:
-    """(6.10) A name without a digit was taken for T0, an empty spindle."""
-    assert ids("X9 F250\n", head=HEAD.replace("T2", 'T="FINISHER"')) == []
-    assert ("no-tool", 0) in ids("X9 F250\n", head=HEAD.replace("T2", "T0"))
-
-
 @pytest.mark.parametrize("arc", ["G2 X10 Y0 I900 J0 F250\n", "G2 X10 Y10 CR=-900 F250\n"])
 def test_an_arc_that_bulges_beyond_the_travel_is_told(arc: str) -> None:
     """(6.10) Both its ends may lie within."""
     assert ("axis-limit", 2) in ids(f"G1 X10 F250\n{arc}")
     assert ids(f"G1 X10 F250\n{arc.replace('900', '90')}") == []
-
-
-def test_no_end_no_header_no_spindle_no_tool_no_feed() -> None:
-    """(6.10)"""
-    names = {name for name, _ in ids("", head="G0 Z50\nG1 X5\nG1 X5 F100\n", tail="")}
-    assert {"no-end", "no-header", "no-spindle", "no-tool", "no-feed"} <= names
-
-
-def test_dwell_is_missed_only_between_spindle_and_cut() -> None:
-    """(2.4)"""
-    assert ("no-spindle-dwell", 7 - 11) in ids("", head=HEAD.replace("G4 F2\n", "M8\n"))
 
 
 def test_heights_and_stock_of_the_job() -> None:
