@@ -12,7 +12,7 @@ from dnc.check import moves
 from dnc.check.finding import Finding, Severity
 from dnc.check.track import Track
 from sim.interpreter import canon
-from sim.interpreter.tangents import extent
+from sim.interpreter.tangents import bounds, extent
 from sim.interpreter.vocabulary import NOT_MODELLED
 
 CommandRule = Callable[[canon.Command, Track], Iterator[Finding]]
@@ -233,10 +233,14 @@ def axis_limit(command: canon.Command, track: Track) -> Iterator[Finding]:
     """A move beyond the travel of an axis; with a work offset, beyond it wherever the zero point lies."""
     if not isinstance(command, (canon.Rapid, *_FEEDS)):
         return
-    low, high = extent(command)
     is_shifted = track.is_zero_shifted and not (isinstance(command, canon.Rapid) and command.is_machine)
+    low, high = bounds(command)
+    reaches = [track.limits.reach_mm(name, is_shifted) for name in _AXES]
+    if all(least <= low[axis] and high[axis] <= most for axis, (least, most) in enumerate(reaches)):
+        return
+    low, high = extent(command)
     for axis, name in enumerate(_AXES):
-        least_mm, most_mm = track.limits.reach_mm(name, is_shifted)
+        least_mm, most_mm = reaches[axis]
         start_mm, end_mm = command.start[axis], command.end[axis]
         outside = [at for at in (low[axis], high[axis]) if at != start_mm and not least_mm <= at <= most_mm]
         at_mm = outside[0] if outside else end_mm

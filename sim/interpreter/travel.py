@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
-from sim.interpreter.canon import Line, Motion, Rapid
+from sim.interpreter.canon import Motion, Rapid
 from sim.interpreter.settings import Settings
 from sim.interpreter.state import State
-from sim.interpreter.tangents import extent
+from sim.interpreter.tangents import bounds, extent
 
 
 def check_travel(motion: Motion, state: State, settings: Settings) -> None:
@@ -22,7 +22,10 @@ def check_travel(motion: Motion, state: State, settings: Settings) -> None:
     limits = reach_mm(state, settings, is_machine=isinstance(motion, Rapid) and motion.is_machine)
     if limits is None:
         return
-    low, high = (motion.end, motion.end) if isinstance(motion, Line | Rapid) else extent(motion)
+    low, high = bounds(motion)
+    if all(least <= low[index] and high[index] <= most for index, (least, most) in enumerate(limits)):
+        return
+    low, high = extent(motion)
     for index, (least_mm, most_mm) in enumerate(limits):
         for at_mm in (low[index], high[index]):
             if not least_mm <= at_mm <= most_mm and at_mm != motion.start[index]:

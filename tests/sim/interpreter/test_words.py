@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sim.interpreter import canon
 from sim.interpreter.run import interpret
 from sim.interpreter.settings import Settings
-from sim.interpreter.tangents import end_tangent, extent, point_on_arc, start_tangent
+from sim.interpreter.tangents import bounds, end_tangent, extent, point_on_arc, start_tangent
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -202,9 +202,20 @@ def test_every_spelling_gives_the_same_arc(
         assert arc.sweep_rad == pytest.approx(sweep, abs=2e-3 if abs(sweep - math.pi) < 1e-2 else 1e-5)
         assert point_on_arc(arc, arc.sweep_rad) == pytest.approx(arc.end, abs=1e-9 + radius * 1e-9)
         low, high = extent(arc)
+        assert bounds(arc) == (low, high)
         for share in range(11):
             point = point_on_arc(arc, arc.sweep_rad * share / 10)
             assert all(low[i] - 1e-7 <= point[i] <= high[i] + 1e-7 for i in range(3))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(SIZE, SIZE, SIZE), min_size=1, max_size=4), st.floats(0.1, 9))
+def test_the_quick_box_holds_the_curve(terms: list[tuple[float, float, float]], length: float) -> None:
+    """(6.2)"""
+    values = [f"PO[{axis}]=({','.join(f'{term[index]:.6f}' for term in terms)})" for index, axis in enumerate("XYZ")]
+    for curve in motions(f"POLY {' '.join(values)} PL={length:.6f} F100"):
+        (low, high), (least, most) = bounds(curve), extent(curve)
+        assert all(low[i] <= least[i] + 1e-9 and most[i] <= high[i] + 1e-9 for i in range(3))
 
 
 @settings(max_examples=60, deadline=None)
