@@ -16,9 +16,12 @@ from planner.job import Job
 from planner.post.stamp import read_stamp
 from planner.sheet import SheetFacts, SheetTool, render_sheet, sheet_tool
 from sim.interpreter import canon
+from sim.interpreter.tangents import extent, point_on_arc
 
 _MOST_POINTS = 8000
 _MOST_WARNINGS = 12
+_ARC_STEP_RAD = math.radians(6.0)
+_MOST_SWEEP_RAD = 12.0 * math.pi
 
 
 class SheetWatch:
@@ -65,7 +68,12 @@ class SheetWatch:
         points = [move.start, move.end]
         if isinstance(move, canon.Polynomial):
             points = [point_at(move, move.length * step / 8) for step in range(9)]
-        for point in points:
+        corners = points
+        if isinstance(move, canon.Arc):
+            steps = math.ceil(min(move.sweep_rad, _MOST_SWEEP_RAD) / _ARC_STEP_RAD)
+            points = [*(point_on_arc(move, move.sweep_rad * step / steps) for step in range(steps)), move.end]
+            corners = list(extent(move))
+        for point in corners:
             self.low = [min(pair) for pair in zip(self.low, point, strict=True)]
             self.high = [max(pair) for pair in zip(self.high, point, strict=True)]
         self._draw(points)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
+import pytest
 from click.testing import CliRunner
 
 from dnc.check.limits import Limits
@@ -14,6 +16,7 @@ from dnc.cli.main import run_with
 from dnc.profile import load_profile
 from dnc.shipped import shipped_path
 from sim.interpreter import canon
+from sim.interpreter.run import interpret
 
 THESIS = Path(__file__).parents[2] / "golden/thesis-5000.mpf"
 
@@ -36,6 +39,17 @@ def test_nothing_cut_nothing_written(tmp_path: Path) -> None:
     program.write_text("G0 Z50\nM30\n")
     assert run_with(["check", str(program), "--sheet", str(sheet)]) == 3
     assert not sheet.exists()
+
+
+def test_extents_and_picture_follow_arcs() -> None:
+    """(2.6) Their ends alone were looked at: a full circle was a point, and a bow in XZ had no lowest Z."""
+    watch = SheetWatch(Limits(load_profile(shipped_path("machines", "sinumerik-840d"))))
+    program = b"G17 G54 G0 Z50\nZ5\nG1 Z0 F100\nX20\nG3 I-20\nG18 G3 X0 I-10 K0\nG0 Z50\nM30\n"
+    for one in interpret(program):
+        watch(one)
+    assert [*watch.low, *watch.high] == pytest.approx([-20.0, -20.0, -10.0, 20.0, 20.0, 0.0], abs=1e-9)
+    drawn = np.vstack(watch.lines)
+    assert [drawn[:, 0].min(), drawn[:, 1].max(), drawn[:, 2].min()] == pytest.approx([-20.0, 20.0, -10.0], abs=0.2)
 
 
 def test_picture_stays_bounded() -> None:
