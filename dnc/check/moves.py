@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from sim.interpreter import canon
 from sim.interpreter.moves import curve_point
+from sim.interpreter.tangents import extent
 
 TURN_COSINE = 0.985
 """Cosine of 10 degrees: a move that turns by more than 170 degrees runs back; the strokes of an N or W do not."""
@@ -36,9 +37,15 @@ def is_into_hole(move: canon.Motion, hole: canon.Vector | None) -> bool:
 
 def is_air(move: canon.Motion, clear_z_mm: float) -> bool:
     """Whether a feed move touches the clear height: above it, down from it or up to it."""
-    return max(move.start[2], move.end[2]) >= clear_z_mm and (
-        not moves_xy(move) or min(move.start[2], move.end[2]) >= clear_z_mm
-    )
+    return max(move.start[2], move.end[2]) >= clear_z_mm and (not moves_xy(move) or heights_mm(move)[0] >= clear_z_mm)
+
+
+def heights_mm(move: canon.Motion) -> tuple[float, float]:
+    """The lowest and the highest Z of a move; an arc may have them between its ends."""
+    if isinstance(move, canon.Arc):
+        low, high = extent(move)
+        return low[2], high[2]
+    return min(move.start[2], move.end[2]), max(move.start[2], move.end[2])
 
 
 def turns_back(before: canon.Vector | None, move: canon.Motion) -> bool:

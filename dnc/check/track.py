@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from dnc.check.limits import Limits
-from dnc.check.moves import end_direction, is_air, is_plunge, is_retract, length, turns_back
+from dnc.check.moves import end_direction, heights_mm, is_air, is_plunge, is_retract, length, turns_back
 from dnc.check.numbering import NumberSet, starts_over
 from planner.gcode import GROUP_OF, Block, ModalGroup, Text, code_of, header_name
 from sim.interpreter import canon
@@ -219,7 +219,7 @@ class Track:
 def _top_mm(move: canon.Motion, *, is_start_known: bool) -> float:
     if not is_start_known:
         return move.end[2]
-    return move.start[2] if is_retract(move) else max(move.start[2], move.end[2])
+    return move.start[2] if is_retract(move) else heights_mm(move)[1]
 
 
 def is_inch(code: str) -> bool:

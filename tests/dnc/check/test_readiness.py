@@ -62,6 +62,14 @@ def test_where_a_subprogram_begins_is_not_known(text: str, tmp_path: Path) -> No
     assert {one.id for one in check_program(path, Limits(PROFILE)).found.findings} <= {"no-header"}
 
 
+def test_an_arc_that_dips_below_the_heights_of_rapids_cuts() -> None:
+    """(6.10) Both its ends may be up there; so may those of one whose top is above the part be down there."""
+    dip = "X9 F250\nG0 Z10\nM5\nG18 G3 X0 I-4.5 K0 F250\nG17\nM3\n"
+    assert ("no-spindle", 4) in ids(dip)
+    assert ids(dip.replace("G18 G3", "G18 G2").replace("G17", "G17\nG0 Z20")) == [("feed-in-air", 0)]
+    assert ("rapid-below-clearance", 4) in ids("X9 F250\nG18 G2 X0 I-4.5 K0\nG17 G1 Z4\nG0 X30\n")
+
+
 def test_a_tool_that_is_called_by_name_is_a_tool() -> None:
     """(6.10) A name without a digit was taken for T0, an empty spindle."""
     assert ids("X9 F250\n", head=HEAD.replace("T2", 'T="FINISHER"')) == []
