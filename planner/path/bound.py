@@ -154,7 +154,7 @@ def _bound_intervals(table: SplineTable, source: SlopeSource, left: _Marks, righ
     """The peak (k,) of the Hermite interpolant between two marks each, mm, and the remainder beside it, (F11)."""
     step = right.arc_mm - left.arc_mm
     peak = hermite_peaks(left.height, right.height, left.slope * step, right.slope * step)
-    curve_low, curve_high = source.enclose(left.rows, left.arc_mm, right.arc_mm)
+    curve_low, curve_high, jumps = source.enclose(left.rows, left.arc_mm, right.arc_mm)
     spline_low, spline_high = table.slope_range(left.rows, left.feet, right.feet)
     steepest = np.maximum(np.abs(spline_low), np.abs(spline_high))
     # A mm of the curve is a mm of the spline to better than a thousandth, which the soundness below ensures.
@@ -164,6 +164,8 @@ def _bound_intervals(table: SplineTable, source: SlopeSource, left: _Marks, righ
     # An open-ended enclosure makes everything after it not a number, which is not sound.
     with np.errstate(invalid="ignore", over="ignore"):
         hidden = (high * step - rise) * (rise - low * step) / np.maximum((high - low) * step, np.finfo(float).tiny)
+        # What is no jump turns with an unknown mean slope; a jump leaves the chord by no more than itself, (F23).
+        hidden = np.where(jumps > 0, (high - low) * step / 4 + jumps, hidden)
         pull = np.maximum(np.abs(left.drift), np.abs(right.drift)) + hidden
         tilt = np.maximum(np.abs(left.slope), np.abs(right.slope)) + 1.1 * pull * step
         lift = np.maximum(np.abs(left.height), np.abs(right.height)) + 1.1 * tilt * step

@@ -129,11 +129,11 @@ def _stretches(
     step = places[left + 1] - places[left]
     at = _link_of(links, rows[left], places[left] + step / 2)
     ends = [links.gaps(at, exact.points[side], exact.tangents[side]) for side in (left, left + 1)]
-    low, high = source.enclose(rows[left], places[left], places[left + 1])
+    low, high, jumps = source.enclose(rows[left], places[left], places[left + 1])
     circle = np.abs(links.bend[at])
     drift = np.maximum(*(np.abs(exact.curvatures[side] - links.bend[at]) for side in (left, left + 1)))
     with np.errstate(invalid="ignore"):
-        pull = drift + np.maximum(np.abs(low), np.abs(high)) * step / 2
+        pull = drift + np.maximum(np.abs(low), np.abs(high)) * step / 2 + jumps
         gap, slope = np.maximum(ends[0][0], ends[1][0]), np.maximum(ends[0][1], ends[1][1]) + pull * step
         pull = pull + circle * (slope**2 + 2 * circle * (gap + slope * step))
         # 1.001 is for arc lengths that are wrong by 1e-4 of a step.

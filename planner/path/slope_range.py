@@ -26,8 +26,11 @@ class SlopeSource(Protocol):
 
     method: Method
 
-    def enclose(self, rows: Index, left_mm: Array, right_mm: Array) -> tuple[Array, Array]:
-        """Lower and upper bounds (k,), 1/mm2, on curve rows[i] between arc lengths left_mm[i] and right_mm[i]."""
+    def enclose(self, rows: Index, left_mm: Array, right_mm: Array) -> tuple[Array, Array, Array]:
+        """Lower and upper bounds (k,), 1/mm2, on curve rows[i] between arc lengths left_mm[i] and right_mm[i].
+
+        They hold but for jumps of the curvature, whose bounds (k,), 1/mm, come third.
+        """
 
 
 @runtime_checkable
@@ -72,7 +75,7 @@ def _table_for(curves: Sequence[TracedCurve]) -> SlopeTable:
     finer = 1
     while True:
         table = slope_table(curves[0].surface, finer, reach)
-        low, high = PatchSlopes(curves, table).enclose(rows, left, right)
+        low, high, _ = PatchSlopes(curves, table).enclose(rows, left, right)
         # One refinement is worth more cells: a long patch has many of them at the coarsest.
         most_cells = MOST_CELLS if finer > 1 else 4 * MOST_CELLS
         if np.isfinite(high - low).all() or 4 * table.cells > most_cells:
@@ -117,7 +120,7 @@ class PatchSlopes:
         self._keys = np.concatenate([curve.arc_mm + base for curve, base in zip(curves, self._base, strict=True)])
         self._parameters = np.concatenate([curve.parameters for curve in curves]).T
 
-    def enclose(self, rows: Index, left_mm: Array, right_mm: Array) -> tuple[Array, Array]:
+    def enclose(self, rows: Index, left_mm: Array, right_mm: Array) -> tuple[Array, Array, Array]:
         """The range over the patch where the curve can be between these places; all numbers where that is unknown."""
         middle = 0.5 * (left_mm + right_mm) + self._base[rows]
         node = np.clip(np.searchsorted(self._keys, middle, side="right") - 1, self._first[rows], self._last[rows])
@@ -135,7 +138,8 @@ class PatchSlopes:
         )
         slack = 1e-3 * room
         slope = self._table.over(self._table.slope, low - slack, high + slack)
-        return np.where(is_inside, slope.low, -np.inf), np.where(is_inside, slope.high, np.inf)
+        jumps = self._table.jumps(low - slack, high + slack)
+        return np.where(is_inside, slope.low, -np.inf), np.where(is_inside, slope.high, np.inf), jumps
 
     def _kept_in(self, start: Array, stop: Array, width: Array) -> tuple[Array, Range, NDArray[np.bool_]]:
         """Margins (2, k) of boxes from `start` to `stop`, the speeds in them, and whether no curve can leave them."""
@@ -163,13 +167,13 @@ class OwnSlopes:
     def __init__(self, curves: Sequence[EnclosedCurve]) -> None:
         self._curves = curves
 
-    def enclose(self, rows: Index, left_mm: Array, right_mm: Array) -> tuple[Array, Array]:
+    def enclose(self, rows: Index, left_mm: Array, right_mm: Array) -> tuple[Array, Array, Array]:
         """Each curve's own bounds."""
         low, high = np.empty(len(rows)), np.empty(len(rows))
         for row in np.unique(rows):
             at = rows == row
             low[at], high[at] = self._curves[row].slope_range(left_mm[at], right_mm[at])
-        return low, high
+        return low, high, np.zeros(len(rows))
 
 
 class SampledSlopes:
@@ -193,7 +197,7 @@ class SampledSlopes:
             high.append(np.append(most + spread, (most + spread)[-1]))
         self._low, self._high = np.concatenate(low), np.concatenate(high)
 
-    def enclose(self, rows: Index, left_mm: Array, right_mm: Array) -> tuple[Array, Array]:
+    def enclose(self, rows: Index, left_mm: Array, right_mm: Array) -> tuple[Array, Array, Array]:
         """The widened slopes of the sampled interval in which the middle lies."""
         at = np.searchsorted(self._keys, 0.5 * (left_mm + right_mm) + self._base[rows], side="right") - 1
-        return self._low[at], self._high[at]
+        return self._low[at], self._high[at], np.zeros(len(rows))

@@ -1,7 +1,7 @@
 """Enclosures, cell by cell of a patch, of how fast passes across it bend: equation (F14) in ranges.
 
 For every cell: the least and largest d(curvature)/d(arc length) that any pass y = const through the cell can have
-there, and the same for its parameters' speeds u' and v'.
+there, and the same for its curvature itself and for its parameters' speeds u' and v'.
 """
 
 from __future__ import annotations
@@ -25,12 +25,20 @@ CELLS_AT_ONCE = 20_000
 
 @dataclass(frozen=True, slots=True)
 class SlopeTable:
-    """Cells between `u_edges` (i + 1,) and `v_edges` (j + 1,): ranges `slope` (i, j), `speeds` (2, i, j) of u and v."""
+    """Cells between `u_edges` (i + 1,) and `v_edges` (j + 1,), with ranges over each.
+
+    `slope` and `bend` (i, j) are those of the curvature's change and of the curvature, `speeds` (2, i, j) those of u
+    and v. `u_breaks` (i + 1,) and `v_breaks` (j + 1,) tell how many edges up to each are knots across which second
+    derivatives may jump, and the curvature with them.
+    """
 
     u_edges: Array
     v_edges: Array
     slope: Range
+    bend: Range
     speeds: Range
+    u_breaks: Index
+    v_breaks: Index
 
     @property
     def cells(self) -> int:
@@ -42,10 +50,7 @@ class SlopeTable:
 
         All numbers for boxes that reach beyond the cells.
         """
-        first, last = [], []
-        for axis, edges in ((0, self.u_edges), (1, self.v_edges)):
-            first.append(np.searchsorted(edges, low[axis], side="left") - 1)
-            last.append(np.searchsorted(edges, high[axis], side="right") - 1)
+        first, last = self._cells_of(low, high)
         shape = self.slope.low.shape
         is_inside = (first[0] >= 0) & (first[1] >= 0) & (last[0] < shape[0]) & (last[1] < shape[1])
         found = (*what.low.shape[:-2], low.shape[1])
@@ -63,6 +68,29 @@ class SlopeTable:
                     least[..., at] = np.minimum(least[..., at], blocks.low[..., i, j])
                     most[..., at] = np.maximum(most[..., at], blocks.high[..., i, j])
         return Range(np.where(is_inside, least, -np.inf), np.where(is_inside, most, np.inf))
+
+    def jumps(self, low: Array, high: Array) -> Array:
+        """How far the curvature may jump (k,) within boxes from low (2, k) to high (2, k): 0 where nothing does, (F23).
+
+        However often a curve crosses a knot there, its curvature stays in the range of the box.
+        """
+        first, last = self._cells_of(low, high)
+        crosses = np.zeros(low.shape[1], dtype=bool)
+        for axis, breaks in ((0, self.u_breaks), (1, self.v_breaks)):
+            begin, end = (np.clip(cell, 0, len(breaks) - 1) for cell in (first[axis], last[axis]))
+            crosses |= breaks[end] > breaks[begin]
+        jumps, at = np.zeros(low.shape[1]), np.flatnonzero(crosses)
+        bend = self.over(self.bend, low[:, at], high[:, at])
+        jumps[at] = bend.high - bend.low
+        return jumps
+
+    def _cells_of(self, low: Array, high: Array) -> tuple[list[Index], list[Index]]:
+        """The first and the last cell (k,) that each box touches, along u and along v."""
+        first, last = [], []
+        for axis, edges in ((0, self.u_edges), (1, self.v_edges)):
+            first.append(np.searchsorted(edges, low[axis], side="left") - 1)
+            last.append(np.searchsorted(edges, high[axis], side="right") - 1)
+        return first, last
 
 
 def _in_blocks(what: Range, a: int, b: int) -> Range:
@@ -101,8 +129,17 @@ def slope_table(surface: OffsetSurface, finer: int = 1, reach: tuple[Array, Arra
         nets = np.einsum("ejb,ciebd->ijdce", in_v.weights, half[strip][:, :, reach_v]).copy()
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             strips.append(_bend_rates(surface, nets, in_u.widths[strip, None], in_v.widths[None, :]))
-    slope, speeds = (_widened(_joined(parts)) for parts in zip(*strips, strict=True))
-    return SlopeTable(in_u.edges, in_v.edges, slope, speeds)
+    slope, bend, speeds = (_widened(_joined(parts)) for parts in zip(*strips, strict=True))
+    u_breaks = _breaks(in_u.edges, patch.knots_u, patch.degree_u)
+    v_breaks = _breaks(in_v.edges, patch.knots_v, patch.degree_v)
+    return SlopeTable(in_u.edges, in_v.edges, slope, bend, speeds, u_breaks, v_breaks)
+
+
+def _breaks(edges: Array, knots: Array, degree: int) -> Index:
+    """How many edges up to each are knots that leave second derivatives free to jump."""
+    inner = knots[(knots > knots[degree]) & (knots < knots[-degree - 1])]
+    values, repeats = np.unique(inner, return_counts=True)
+    return np.cumsum(np.isin(edges, values[repeats >= degree - 1]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,8 +216,8 @@ def _rational(nets: Array, u_width: Array, v_width: Array) -> Callable[[int, int
     return of
 
 
-def _bend_rates(surface: OffsetSurface, nets: Array, u_width: Array, v_width: Array) -> tuple[Range, Range]:
-    """d(curvature)/ds (c, e) and the speeds u', v' (2, c, e) of passes through each cell, (F14)."""
+def _bend_rates(surface: OffsetSurface, nets: Array, u_width: Array, v_width: Array) -> tuple[Range, Range, Range]:
+    """d(curvature)/ds (c, e), curvature (c, e) and speeds u', v' (2, c, e) of passes through each cell, (F14)."""
 
     def polynomial(by_u: int, by_v: int) -> Range:
         return _derivative(nets, by_u, by_v, u_width, v_width)
@@ -209,7 +246,7 @@ def _bend_rates(surface: OffsetSurface, nets: Array, u_width: Array, v_width: Ar
     q_ppp = q_ppp + (u.square() * v * of(2, 1)).times(3.0) + (u * v.square() * of(1, 2)).times(3.0)
     slope = (dot(normal, q_ppp) + dot(normal_s, q_pp).times(3.0)) * spread
     slope = slope + (bend * normal.part(1) * normal_s.part(1)).times(3.0) * spread.square()
-    return slope, stack([u, v])
+    return slope, bend, stack([u, v])
 
 
 def _joined(strips: Sequence[Range]) -> Range:

@@ -149,6 +149,25 @@ def test_enclosure_of_a_rational_patch_holds_what_the_curve_does() -> None:
     assert np.isfinite(high - low).all()
 
 
+def stepped_patch() -> NurbsPatch:
+    """Of degree 2 in u, along x: the curvature of a pass jumps wherever it crosses an inner knot."""
+    knots = [0.0941, 0.2368, 0.4331, 0.5822, 0.8013]
+    count = len(knots) + 3
+    x, y = np.meshgrid(np.linspace(0, 25, count), np.linspace(0, 8, 2), indexing="ij")
+    heights = 0.2 * np.random.default_rng(3).standard_normal((count, 2))[:, [0, 0]]
+    ends = [np.zeros(3), knots, np.ones(3)]
+    return NurbsPatch(2, 1, np.concatenate(ends), np.array([0.0, 0, 1, 1]), np.stack([x, y, heights], axis=2))
+
+
+def test_curvature_that_jumps_between_nodes_is_bounded() -> None:
+    """(4.3) A jump was taken for a steady change, and the bound stood below the distance, called proved."""
+    wishes = Wishes(2.0, 0.0, None, 7.0)
+    curves = lay_parallel(stepped_patch(), wishes, accuracy_mm=1e-6, reading_mm=1e-4).curves
+    for curve, fitted in zip(curves, fit_passes(curves, 0.009), strict=True):
+        assert fitted.method is Method.PROVED
+        assert dense_distance_mm(curve, fitted.spline, 12001) <= fitted.deviation_mm + 2e-9
+
+
 def enclosed_slopes(curve: TracedCurve) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Lower bound, difference quotient and upper bound of the change of curvature at many places of a curve."""
     table = slope_table(curve.surface, 4)
