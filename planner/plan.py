@@ -27,7 +27,7 @@ from planner.post.units import INCH_MM
 from planner.post.written import ControlLimits, Written
 from planner.report import plan_report
 from planner.shapes import FIT_SHARE, Kind, kind_of, link_count, shape_layout
-from planner.surface.curvature import survey
+from planner.surface.curvature import lowest, survey, upwardness
 from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
 from planner.travel import Travel, check_part, check_program
@@ -250,10 +250,10 @@ def _wishes(job: Job, operation: Operation, patch: NurbsPatch, coarse: float) ->
 
 def _check_clearance(job: Job, layout: Layout, path: Path) -> None:
     """Raises InputRejected where a rapid move across at clearance height would meet the patch."""
-    surface = layout.ground.surface
-    inside = layout.ground.seeds.within(surface.patch.domain)
-    tops = (surface.evaluate(inside[0], inside[1]).contact[2], layout.ground.border.points.contact[2])
-    top_mm = max(float(heights.max()) for heights in tops)
+    surface, border = layout.ground.surface, layout.ground.border
+    # A summit may stand between two samples: it is looked for beside the highest of them.
+    top = lowest(survey(surface.patch), lambda at: -at.point[2] - surface.stock_mm * np.abs(upwardness(at)), rounds=6)
+    top_mm = max(-top.value, float(border.points.contact[2].max()))
     # Where the centre of the ball is programmed, the tip stands a radius lower.
     tip_mm = job.setup.clearance_z_mm - (surface.radius_mm if job.post.reference == "centre" else 0.0)
     if tip_mm <= top_mm:

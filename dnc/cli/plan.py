@@ -35,7 +35,7 @@ def _not_built(ctx: click.Context, param: click.Parameter, value: str | None) ->
 @click.option(
     "--lift",
     "lift_mm",
-    type=Number(-1000, 1000),
+    type=Number(0, 1000),
     default=0.0,
     help="raise the whole program by this many mm, for an air cut",
 )

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dnc.cli.main import run_with
 from planner.errors import InputRejected
 from planner.path.gouge import tool_side
 from planner.path.strategy.angle import best_angle_rad
@@ -89,3 +90,33 @@ def test_a_control_of_few_digits_gets_a_finer_fit_or_flatter_scallops(
     assert (deviation_mm <= 0.005) == holds
     assert planned.report["scallop_mm"] + deviation_mm * 4.0 / 3.92 <= 0.08
     assert [warning for warning in planned.warnings if "as written may lie" in warning] == [] or not holds
+
+
+def test_a_summit_between_samples_is_seen_from_the_clearance_height(tmp_path: Path) -> None:
+    """(4.7) Rapid moves across ran 0.02 mm through the top of a bump that no sample had met."""
+    knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, 22), np.ones(3)])
+    places = 120.0 * np.array([knots[i + 1 : i + 4].mean() for i in range(24)])
+    x, y = np.meshgrid(places, places, indexing="ij")
+    heights = np.zeros((24, 24))
+    heights[11, 11:13], heights[12, 12] = (0.5, 1.2), 0.5
+    patch = NurbsPatch(3, 3, knots, knots, np.stack([x, y, heights], axis=2))
+    u, v = (part.ravel() for part in np.meshgrid(np.linspace(0.4, 0.6, 401), np.linspace(0.4, 0.6, 401)))
+    top_mm = float(patch.evaluate(u, v).point[2].max())
+    table = f"degree = [3, 3]\nknots_u = {knots.tolist()}\nknots_v = {knots.tolist()}\n"
+    changes = [
+        ("clearance_z_mm = 10.0", f"clearance_z_mm = {top_mm - 0.005}"),
+        ("scallop_mm = 0.08", "pick_feed_mm = 4"),
+    ]
+    job = job_in(tmp_path, *changes)
+    (tmp_path / "surface.toml").write_text(f"{table}control_points = {patch.control_points.tolist()}\n")
+    with pytest.raises(InputRejected, match="is not above patch 1"):
+        plan_job(job, LIMITS)
+
+
+@pytest.mark.parametrize("lift", ["-0.5", "-1000"])
+def test_a_program_is_lifted_and_never_lowered(lift: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """(4.7) A negative lift took the whole program, rapid moves included, down into the part."""
+    words = ["plan", str(job_in(tmp_path)), "-o", str(tmp_path / "part.mpf"), "--lift", lift]
+    assert run_with(words) == 2
+    assert "--lift" in capsys.readouterr().err
+    assert not (tmp_path / "part.mpf").exists()
