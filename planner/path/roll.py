@@ -25,9 +25,9 @@ STEEPEST_SINE = 0.999
 class RolledSurface(OffsetSurface):
     """Ball centres over a patch and around its border; parameters beyond the patch's are swings about the edge.
 
-    Over a whole swing the sine of the normal's tilt across the edge grows to `swing`, or by this share of what is left
-    to 1 where the patch's own normal leans outward. A swing takes `widths` of the parameters beyond the patch's.
-    `facing` is the least cosine between the patch's normal at the edge and where its swing ends.
+    Over a whole swing the sine of the normal's tilt across the edge grows to `swing`, or where the patch's own normal
+    leans outward by nearly as much, as far as there is room up to 1, (20). A swing takes `widths` of the parameters
+    beyond the patch's. `facing` is the least cosine between the patch's normal at the edge and where its swing ends.
     """
 
     swing: float = 0.0
@@ -140,10 +140,11 @@ def _swing_over(surface: RolledSurface, edge: Array, axis: int, past: Array) -> 
     out = outward * cross_product(tangent, up)
     out_by = outward * (cross_product(tangent_by, up) + cross_product(tangent, up_by))
     own, own_by = dot(still.normal, out), dot(turn, out) + dot(still.normal, out_by)
-    # The swing ends at the sine `swing`, or where the normal leans outward as far again toward the horizontal.
-    growth = np.where(own < 0, surface.swing - own, surface.swing * (1 - own))
+    # The swing ends at the sine `swing`, or where the normal leans outward further on by that, but never beyond 1.
+    power, lean_out = 1 / surface.swing, np.clip(own, 0.0, 1.0)
+    growth = np.where(own < 0, surface.swing - own, surface.swing * (1 - lean_out**power))
     sine = own + np.abs(past) * growth
-    sine_by = own_by * (1 - np.abs(past) * np.where(own < 0, 1.0, surface.swing))
+    sine_by = own_by * (1 - np.abs(past) * np.where(own < 0, 1.0, lean_out ** (power - 1)))
     sine = np.clip(sine, -STEEPEST_SINE, STEEPEST_SINE)
     cosine = np.sqrt(1 - sine**2)
     swing = out - sine / cosine * up

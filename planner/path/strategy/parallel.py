@@ -136,6 +136,11 @@ def _over_the_edge(
     """The passes in these planes, and more, over the edge of the patch; `within` are the peaks up to the border."""
     out_mm = min(_feed_at_border(ground, wishes), FURTHEST_OUT * wishes.radius_mm)
     rolling = roll_over(ground.surface, planes_mm, out_mm=out_mm, pick_feed_mm=wishes.pick_feed_mm)
+    if not rolling.covers(*_needed_runs(ground, planes_mm, join_mm=0.0)):
+        what = f"{ground.surface.patch.name} falls too steeply to its edge, or runs too nearly along the passes there"
+        raise InputRejected(
+            f"{what}, for passes to roll over it", remedy='use edge = "to-border", or another angle_deg'
+        )
     seeds = _seeds(rolling.surface, 1.1 * out_mm)
     gouge_mm = check_reach(rolling.surface, seeds.within(rolling.surface.rim), accuracy_mm)
     planes = [DrivingPlane(wishes.angle_rad, float(rolling.planes_mm[one])) for one in rolling.plane]
@@ -159,13 +164,18 @@ def _feed_at_border(ground: Ground, wishes: Wishes) -> float:
     return float(local_pick_feed(ground.surface, ground.border.parameters, wishes.scallop_mm).max())
 
 
-def run_passes(ground: Ground, planes_mm: Array, angle_rad: float, *, accuracy_mm: float) -> list[TracedCurve]:
-    """Every pass traced where it is needed: one curve a connected piece, in order of planes, then along +w."""
+def _needed_runs(ground: Ground, planes_mm: Array, *, join_mm: float) -> tuple[Indices, Array]:
+    """Where passes up to the border must run: index of the plane (k,) and [from, to] in x (k, 2)."""
     heights = border_heights(ground.surface, ground.border, planes_mm)
     ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
     passes, x, _ = crossings(ground.surface, ground.border, planes_mm)
+    return pass_runs(heights, ends, (passes, x), join_mm=join_mm)
+
+
+def run_passes(ground: Ground, planes_mm: Array, angle_rad: float, *, accuracy_mm: float) -> list[TracedCurve]:
+    """Every pass traced where it is needed: one curve a connected piece, in order of planes, then along +w."""
     join_mm = 2 * float(np.diff(planes_mm).max(initial=ground.station_mm))
-    owner, runs = pass_runs(heights, ends, (passes, x), join_mm=join_mm)
+    owner, runs = _needed_runs(ground, planes_mm, join_mm=join_mm)
     if not len(owner):
         raise InputRejected("no pass meets the part", remedy="check angle_deg, pick_feed_mm and the surface")
     short = np.maximum(join_mm / 4 - (runs[:, 1] - runs[:, 0]), 0.0) / 2

@@ -40,6 +40,21 @@ class Rolling:
     before: int
     behind: int
 
+    def covers(self, plane: Indices, runs: Array, slack_mm: float = 1e-6) -> bool:
+        """Whether runs [from, to] (k, 2) of those planes that passes up to the border need lie within the passes here.
+
+        Then what was measured for these holds here too: a ball on the edge stands no higher.
+        """
+        first = np.flatnonzero(np.append(True, self.owner[1:] != self.owner[:-1]))
+        whole = np.stack([self.runs[first, 0], np.maximum.reduceat(self.runs[:, 1], first)], axis=1)
+        for one in np.unique(plane).tolist():
+            here = whole[self.plane[first] == one + self.before]
+            low, high = runs[plane == one].T
+            at = np.searchsorted(here[:, 0], low + slack_mm) - 1
+            if (at < 0).any() or (here[at, 1] < high - slack_mm).any():
+                return False
+        return True
+
     def peaks_of(self, within: Peaks) -> Peaks:
         """Bounds on the peaks of all planes, from those measured `within` the border.
 

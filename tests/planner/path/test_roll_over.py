@@ -165,3 +165,27 @@ def test_a_fixed_pick_feed_goes_on_as_it_is() -> None:
     assert np.abs(np.diff(layout.planes_mm) - 0.9).max() < 1e-9
     assert -0.9 < layout.planes_mm[0] < 0.0
     assert 20.0 < layout.planes_mm[-1] < 20.9
+
+
+def left_along_normals_mm(layout: Layout, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """What the balls of all passes leave over these points along their normals (3, m), from samples of the passes."""
+    curves = [one.halved().halved() for one in layout.curves]
+    centres = np.concatenate([one.plane.to_work(one.points) for one in curves]).T
+    left = np.full(points.shape[1], np.inf)
+    for at, (point, normal) in enumerate(zip(points.T, normals.T, strict=True)):
+        away = centres - point[:, None]
+        ahead, square = normal @ away, (away**2).sum(axis=0) - R * R
+        left[at] = np.min(ahead - np.sqrt(np.maximum(ahead**2 - square, 0)), where=ahead**2 > square, initial=np.inf)
+    return left
+
+
+@pytest.mark.parametrize("angle_deg", [3.0, 175.0])
+def test_an_edge_that_the_patch_falls_to_is_kept_between_the_passes(angle_deg: float) -> None:
+    """(4.1, 4.2) Where the normal leans outward the swing was short, and passes nearly along the edge left it early."""
+    patch = plane_patch(20.0, slope_y=-1.3)
+    wishes = Wishes(R, np.radians(angle_deg), 0.04, None, rolls_over=True)
+    layout = lay_parallel(patch, wishes, accuracy_mm=1e-7)
+    places = np.linspace(0.0, 1.0, 301)
+    edge = patch.evaluate(np.ones_like(places), places).point
+    normals = np.tile(np.array([[0.0], [1.3], [1.0]]) / np.hypot(1.3, 1.0), len(places))
+    assert left_along_normals_mm(layout, edge, normals).max() <= 0.04 + 1e-5
