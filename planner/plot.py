@@ -91,14 +91,16 @@ def _draw_scallop(axes: Any, planned: Planned) -> None:
     if operation.scallop_mm is not None:
         axes.axhline(1000 * operation.scallop_mm, color=_MARK, linewidth=1, linestyle="--", label="asked")
     if len(layout.planes_mm) > 1:
-        gap = int(np.argmax(layout.peaks.height_mm))
+        gap = worst_gap(planned)
         x, height_mm = profile(layout.ground, layout.planes_mm, gap, 200)
-        axes.plot(x, 1000 * height_mm, color=_PASS, label=f"between planes {gap + 1} and {gap + 2}")
         axes.set_title(f"Worst gap, pick feed {np.diff(layout.planes_mm)[gap]:.3f} mm")
-        top_mm = max(float(height_mm.max()), operation.scallop_mm or 0.0)
-        axes.set_ylim(950 * float(height_mm.min()), 1010 * top_mm)
+        if len(x):  # passes that roll over a narrow strip meet beside it, and leave no cusp on it
+            axes.plot(x, 1000 * height_mm, color=_PASS, label=f"between planes {gap + 1} and {gap + 2}")
+            top_mm = max(float(height_mm.max()), operation.scallop_mm or 0.0)
+            axes.set_ylim(950 * float(height_mm.min()), 1010 * top_mm)
     axes.grid(alpha=0.25)
-    axes.legend(loc="lower right", frameon=False)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower right", frameon=False)
 
 
 def _draw_pass(axes: Any, planned: Planned) -> None:
@@ -135,8 +137,15 @@ def _worst_place(planned: Planned) -> tuple[float, float]:
     if not len(peaks.height_mm):
         (u_low, _), (v_low, _) = planned.layout.ground.surface.patch.domain
         return u_low, v_low
-    u, v = peaks.foot[:, int(np.argmax(peaks.height_mm))]
+    u, v = peaks.foot[:, worst_gap(planned)]
     return float(u), float(v)
+
+
+def worst_gap(planned: Planned) -> int:
+    """The gap with the highest cusp; outside the border there are gaps with a bound but without a cusp of their own."""
+    peaks = planned.layout.peaks
+    has_cusp = (peaks.by_a != 0) | (peaks.by_b != 0)
+    return int(np.argmax(np.where(has_cusp, peaks.height_mm, -1.0)))
 
 
 def _sampled(one: Pass, count: int) -> Array:
