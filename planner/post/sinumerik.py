@@ -47,8 +47,16 @@ class _Page:
         self._line(text)
 
     def length(self, value_mm: float) -> str:
-        """A length or a feed of head, moves and tail in the program's unit."""
+        """A length of head and tail in the program's unit."""
         return plain(value_mm / self.unit_mm, self.decimals)
+
+    def feed(self, value_mm_min: float, key: str) -> str:
+        """The F word of this key of the job in the program's unit; raises InputRejected where it would be F0."""
+        text = plain(value_mm_min / self.unit_mm, self.decimals)
+        if text == "0":
+            what = f"{key} {value_mm_min:g} is F0 in the {self.decimals} decimals that the control reads"
+            raise InputRejected(what, remedy="give a higher feed", key=("operation", 0, key))
+        return f"F{text}"
 
     def height(self, value_mm: float) -> str:
         """A height to stay clear of the part: never below the value, whatever the unit."""
@@ -181,8 +189,9 @@ def _pass(page: _Page, job: Job, operation: Operation, number: int, text: PassTe
     page.block(f"G0{text.start.word(0)}{text.start.word(1)}", starts_pass=True)
     if is_first and job.setup.clearance_z_mm != job.setup.safe_z_mm:
         page.block(clearance)
-    page.block(f"G1G9{text.start.word(2)}F{page.length(operation.plunge_mm_min)}")
-    feed = f"F{page.length(operation.cut_mm_min)}" if operation.cut_mm_min != operation.plunge_mm_min else ""
+    page.block(f"G1G9{text.start.word(2)}{page.feed(operation.plunge_mm_min, 'plunge_mm_min')}")
+    is_same = operation.cut_mm_min == operation.plunge_mm_min
+    feed = "" if is_same else page.feed(operation.cut_mm_min, "cut_mm_min")
     cuts = [text.blocks[0] + feed, *text.blocks[1:]]
     page.cut([*cuts[:-1], cuts[-1] + "G9"])
     page.block(f"G0{clearance}")

@@ -120,3 +120,12 @@ def test_a_program_is_lifted_and_never_lowered(lift: str, tmp_path: Path, capsys
     assert run_with(words) == 2
     assert "--lift" in capsys.readouterr().err
     assert not (tmp_path / "part.mpf").exists()
+
+
+@pytest.mark.parametrize("key", ["cut_mm_min", "plunge_mm_min"])
+def test_a_feed_that_the_digits_of_the_control_turn_into_none_is_refused(key: str, tmp_path: Path) -> None:
+    """(4.7) 0.1 mm/min was written as F0 for a control that reads two decimals of an inch."""
+    feed = {"cut_mm_min": "250.0", "plunge_mm_min": "100.0"}[key]
+    job = job_in(tmp_path, (f"{key} = {feed}", f"{key} = 0.1"), ("scallop_mm = 0.08", "pick_feed_mm = 5.0"))
+    with pytest.raises(InputRejected, match=rf"job\.toml:\d+: {key} 0\.1 is F0 in the 2 decimals"):
+        plan_job(job, ControlLimits(decimals=2, is_inch=True))
