@@ -111,19 +111,34 @@ def _written(chain: _Chain, digits: Digits, fine: int) -> tuple[Array, Array]:
     return rounded_mm(chain.points, ends), rounded_mm(chain.between, between)
 
 
+def _as_lines(chain: _Chain, points: Array, between: Array, sine: float = 1e-10) -> NDArray[np.bool_]:
+    """Which links are written as lines (n,): those that are, and arcs whose written points name no circle.
+
+    Rounded to few digits the point between may lie in line with the ends, on one of them, or beyond: a control takes
+    that for an error, or goes the other way round.
+    """
+    chord, arm = np.diff(points, axis=0), between - points[:-1]
+    square, share = (chord**2).sum(axis=1), (arm * chord).sum(axis=1)
+    aside = np.linalg.norm(np.cross(chord, arm), axis=1)
+    is_between = (share > 0) & (share < square)
+    is_flat = aside <= sine * np.sqrt(square) * np.linalg.norm(arm, axis=1)
+    return np.asarray((chain.shape.turns == 0) | is_flat | ~is_between)
+
+
 def _bound_mm(chain: _Chain, points: Array, between: Array) -> float:
     """Upper bound of the distance between the written arcs and the exact ones, mm, both ways.
 
     The written circle goes through three rounded points. Its distance from the exact circle is largest at its ends or
-    where both centres and the point are in line. Where a joint slid along, its slide times the sine of the corner's
-    angle, and the bend over the slide, are added; so is what leaves the plane.
+    where both centres and the point are in line; that of a line written for an arc at its ends or half-way. Where a
+    joint slid along, its slide times the sine of the corner's angle, and the bend over the slide, are added; so is what
+    leaves the plane.
     """
     shape = chain.shape
     ends, middle = chain.in_plane(points), chain.in_plane(between)
     start, end = ends[:-1], ends[1:]
-    is_line = shape.turns == 0
+    is_line, as_line = shape.turns == 0, _as_lines(chain, points, between)
     bulge = np.stack([start[:, 1] - end[:, 1], end[:, 0] - start[:, 0]], axis=1)
-    middle = np.where(is_line[:, None], (start + end + bulge) / 2.0, middle)
+    middle = np.where(as_line[:, None], (start + end + bulge) / 2.0, middle)
     centre, radius = _circle(start, middle, end)
     exact_radius = np.hypot(*(shape.points[:-1] - shape.centres).T)
     radial = np.zeros(len(start))
@@ -135,6 +150,9 @@ def _bound_mm(chain: _Chain, points: Array, between: Array) -> float:
         *(_in_line(centre, radius, off, start, end, middle, side) for side in (1.0, -1.0)),
     ):
         radial = np.maximum(radial, np.abs(np.hypot(*(point - shape.centres).T) - exact_radius))
+    straight = (start, end, (start + end) / 2.0)
+    sag = np.max([np.abs(np.hypot(*(point - shape.centres).T) - exact_radius) for point in straight], axis=0)
+    radial = np.where(as_line, sag, radial)
     chord = shape.points[1:] - shape.points[:-1]
     unit = chord / np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-300)[:, None]
     flat = np.maximum(_across(start - shape.points[:-1], unit), _across(end - shape.points[1:], unit))
@@ -190,13 +208,16 @@ def _pass_text(chain: _Chain, digits: Digits, fine: int, bound_mm: float) -> Pas
     ends = _texts(chain.points, end_decimals)
     between = _texts(chain.between, between_decimals)
     still = is_constant(chain.plane)
+    as_line = _as_lines(chain, *_written(chain, digits, fine)).tolist()
     blocks, code = [], "G1"
-    for number, turn in enumerate(chain.shape.turns.tolist()):
+    for number, is_line in enumerate(as_line):
+        if is_line and ends[number + 1] == ends[number]:
+            continue
         words = "".join(AXES[axis] + ends[number + 1][axis] for axis in range(3) if not still[axis])
-        wanted = "CIP" if turn else "G1"
-        if turn:
+        wanted = "G1" if is_line else "CIP"
+        if not is_line:
             words += "".join(_MIDDLES[axis] + between[number][axis] for axis in range(3) if not still[axis])
-        blocks.append(words if wanted == code else f"{wanted} {words}" if turn else f"{wanted}{words}")
+        blocks.append(words if wanted == code else f"{wanted}{words}" if is_line else f"{wanted} {words}")
         code = wanted
     return PassText(Point.of(chain.points[0], fine), Point.of(chain.points[-1], fine), tuple(blocks), bound_mm)
 
