@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from math import comb
 
 import numpy as np
@@ -21,6 +21,7 @@ from planner.surface.bspline import SpanBasis
 
 FEW_CELLS, MOST_CELLS = 4000, 100_000
 CELLS_AT_ONCE = 20_000
+TABLES_KEPT = 8  # all cells of one patch, from coarse to fine, and those of a few of its passes
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +109,16 @@ def slope_table(surface: OffsetSurface, finer: int = 1, reach: tuple[Array, Arra
     """The table of a patch, its end polynomials carried on by a cell at least on every side.
 
     Its cells are `finer` times as narrow as those that serve gentle patches. They cover all (u, v) from the first to
-    the second of `reach`, (2,) each.
+    the second of `reach`, (2,) each. Tables are kept for a while: every way of writing the same passes asks for them.
     """
+    low, high = reach or np.array(surface.patch.domain).T
+    return _table(surface, finer, tuple(low.tolist()), tuple(high.tolist()))
+
+
+@lru_cache(maxsize=TABLES_KEPT)
+def _table(surface: OffsetSurface, finer: int, low: tuple[float, ...], high: tuple[float, ...]) -> SlopeTable:
+    """`slope_table` from `low` to `high`."""
     patch = surface.patch
-    low, high = reach or np.array(patch.domain).T
     spans = len(patch.basis_u.starts) * len(patch.basis_v.starts)
     a_span = finer * int(np.clip(np.sqrt(FEW_CELLS / spans), 1, 24))
     in_u, in_v = (

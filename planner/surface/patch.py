@@ -27,7 +27,7 @@ class SurfacePoints:
     dvv: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # a patch is equal to itself alone, and so can be a key
 class NurbsPatch:
     """A tensor-product patch Q(u, v); outside its knots the end polynomials go on.
 

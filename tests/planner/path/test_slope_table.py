@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from planner.path.interval import Range
-from planner.path.slope_table import SlopeTable
+from planner.path.offset import OffsetSurface
+from planner.path.slope_table import SlopeTable, slope_table
+from tests.planner.surfaces import sphere_patch
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -34,3 +38,11 @@ def test_a_box_has_the_range_of_its_cells_however_many(seed: int) -> None:
         cells = np.ix_([True, True], rows, columns)
         assert found.low[:, box] == pytest.approx(speeds.low[cells].min(axis=(1, 2)), abs=0)
         assert found.high[:, box] == pytest.approx(speeds.high[cells].max(axis=(1, 2)), abs=0)
+
+
+def test_a_table_is_made_once_for_all_ways_of_writing_its_passes() -> None:
+    """(4.5) Splines, arcs and straight moves made it anew each: most of the time on a rational patch."""
+    surface = OffsetSurface(sphere_patch(), 4.0)
+    assert slope_table(surface, 2) is slope_table(replace(surface), 2)
+    assert slope_table(surface, 2) is not slope_table(replace(surface, radius_mm=3.0), 2)
+    assert slope_table(surface, 2) is not slope_table(OffsetSurface(sphere_patch(), 4.0), 2)
