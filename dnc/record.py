@@ -14,6 +14,7 @@ from typing import Any
 
 from dnc.events import Alarm
 from dnc.handshake import Cause
+from dnc.lookahead import first_unsure_line
 from dnc.profile import Control
 from dnc.sender import Sender
 from dnc.tape import Tape
@@ -52,9 +53,9 @@ def in_doubt(
     done_bytes = sent_bytes - inflight_bytes - control.receive_buffer_bytes
     if proven_bytes is not None:
         done_bytes = min(done_bytes, proven_bytes)
-    first = tape.lines.line_at(tape, max(tape.leader_bytes, done_bytes)) - control.lookahead_blocks
+    first = first_unsure_line(tape, max(tape.leader_bytes, done_bytes), control.lookahead_blocks)
     last = tape.lines.line_at(tape, sent_bytes - 1)
-    return InDoubt(max(1, first), last, sent_bytes - 1, proven_bytes is not None)
+    return InDoubt(first, last, sent_bytes - 1, proven_bytes is not None)
 
 
 def doubt_of(sender: Sender, control: Control) -> InDoubt | None:

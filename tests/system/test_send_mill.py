@@ -16,7 +16,7 @@ import pytest
 from tests.helpers.line import PeerProcess, SendProcess, runtime_of
 from tests.helpers.mill import MillProcess, small_machine
 from tests.helpers.schemas import validated
-from tests.helpers.sending import wait_for_state
+from tests.helpers.sending import wait_for, wait_for_state
 
 pytestmark = pytest.mark.system
 PROGRAM = (
@@ -242,3 +242,25 @@ def test_handshake_test_on_the_mill(tmp_path: Path) -> None:
     assert '"passed": false' in ran.stdout
     assert '"xoff_count": 1' in ran.stdout
     validated(ran.stdout)
+
+
+def test_nothing_is_called_executed_while_the_machine_stands(tmp_path: Path) -> None:
+    """(5.7) With comments between the moves the window began 24 lines behind the block that the mill stood before."""
+    machine = small_machine(
+        tmp_path, receive_buffer_bytes=256, xoff_free_bytes=100, xon_fill_bytes=100, lookahead_blocks=10
+    )
+    program = tmp_path / "part.mpf"
+    moves = (b"N%d G1 X%d Y1 F3000\n; a word on it\n\nM8\n" % (step, step % 7) for step in range(1, 101))
+    program.write_bytes(b"G90 G64\n" + b"".join(moves) + b"M30\n")
+    words = ("--machine", machine, "--fault", "override=0")
+    with (
+        MillProcess(tmp_path, *words) as mill,
+        SendProcess(tmp_path, program, mill.ready["pty"], "--machine", str(machine)) as sending,
+    ):
+        held = wait_for(tmp_path, lambda values: values["state"] == "HELD" and values["held_now_s"] > 1)
+        sending.child.send_signal(signal.SIGINT)
+        _, words_said = sending.finish()
+    first_move = 2
+    for first, _ in (held["in_doubt"], sending.report()["in_doubt"]):
+        assert first <= first_move
+    assert "was executed" not in words_said
