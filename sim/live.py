@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from enum import Enum
 from pathlib import Path
 
+from sim.block_reader import BlockReader
 from sim.control import Control, Execution, Happening
 from sim.faults import Faults
 from sim.interpreter import canon
@@ -74,7 +75,7 @@ class LiveMill:
         self._start_mm = settings.start_mm
         self._has_moved = False
         self._log = log
-        self._tape = bytearray()
+        self._reader = BlockReader()
         self._line = 0
         self._received_bytes = self._overrun_bytes = 0
         self._next_block_s = 0.0
@@ -97,7 +98,7 @@ class LiveMill:
         """What has come into the ring."""
         self._received_bytes = heard.received_bytes
         if self._ear is not _Ear.BROKEN_OFF:
-            self._tape += heard.data
+            self._reader.hear(heard.data)
         if heard.overrun_bytes > self._overrun_bytes:
             self._overrun_bytes = heard.overrun_bytes
             lost = canon.Alarm(self._line, None, OVERRUN_ALARM, "the receive buffer ran over, bytes are lost", None)
@@ -142,7 +143,7 @@ class LiveMill:
             is_coolant_on=seen.is_flood or seen.is_mist,
             is_optional_stop=self.faults.optional_stop,
             is_emergency_stop=self.control.alarm_number == EMERGENCY_STOP_ALARM,
-            buffer_fill_percent=100.0 * len(self._tape) / self.profile.receive_buffer_bytes,
+            buffer_fill_percent=100.0 * self._reader.ring_bytes / self.profile.receive_buffer_bytes,
             overrun_bytes=self._overrun_bytes,
             program=self._program or "",
         )
@@ -156,24 +157,22 @@ class LiveMill:
         """Take blocks out of the ring, one in each block cycle, as long as the machine has room for them."""
         if self._ear is _Ear.ENDED:
             self._swallow()
-        self._skip_leader()
+        if self._ear is _Ear.LISTENING:
+            self._reader.skip_nuls()
+            self._tell_taken()
         cycle_s = self.profile.block_cycle_s * self.faults.slow_drain
         while self._has_room() and self._next_block_s <= now_s:
-            end = self._tape.find(b"\n")
-            if end < 0:
-                self._next_block_s = max(self._next_block_s, self._now_s)
+            raw = self._reader.block()
+            self._tell_taken()
+            self._next_block_s = max(self._next_block_s, self._now_s)
+            if raw is None:
                 return
-            raw = bytes(self._tape[:end])
-            del self._tape[: end + 1]
-            self._orders.append(Took(end + 1))
-            self._next_block_s = max(self._next_block_s, self._now_s) + cycle_s
+            self._next_block_s += cycle_s
             self._take(raw.strip(b"\r\0"), now_s)
 
-    def _skip_leader(self) -> None:
-        """NULs before a block are blank tape: a control that reads passes them over, however many they are."""
-        count = len(self._tape) - len(self._tape.lstrip(b"\0"))
-        if count and self._ear is _Ear.LISTENING:
-            del self._tape[:count]
+    def _tell_taken(self) -> None:
+        count = self._reader.taken()
+        if count:
             self._orders.append(Took(count))
 
     def _has_room(self) -> bool:
@@ -207,9 +206,9 @@ class LiveMill:
 
     def _swallow(self) -> None:
         """After the end of the program the control lets the rest of the tape go by, or leaves it in the ring."""
-        if self._tape and not self.faults.end_stops_reading:
-            self._orders.append(Took(len(self._tape)))
-            self._tape.clear()
+        if not self.faults.end_stops_reading:
+            self._reader.skip_all()
+            self._tell_taken()
 
     def _refuse(self, alarm: canon.Alarm, now_s: float) -> None:
         """The control takes no more: DC3 and NAK at once, and a stop when what was prepared has been cut."""
@@ -221,7 +220,7 @@ class LiveMill:
         self._forget()
 
     def _forget(self) -> None:
-        self._tape.clear()
+        self._reader.forget()
         self._ear = _Ear.BROKEN_OFF
 
     # --- what the machine has come to

@@ -95,6 +95,17 @@ def test_a_program_runs_through_a_small_buffer() -> None:
     assert panel.program == "TEST_MPF"
 
 
+@pytest.mark.parametrize("xon_fill_bytes", [0, 1, 10])
+def test_a_control_that_goes_on_when_its_buffer_is_empty(xon_fill_bytes: int) -> None:
+    """(5.8) Half a block stayed in the ring, which was never empty: no DC1 came, and the job hung for ever."""
+    profile = dataclasses.replace(PROFILE, xon_fill_bytes=xon_fill_bytes)
+    cable = Cable(PROGRAM, profile=profile).run(60.0)
+    assert cable.is_completed
+    assert cable.uart.receiver.xoff_sent >= 3
+    assert cable.uart.receiver.fill_bytes == 0
+    assert cable.mill.alarms == []
+
+
 def test_a_leader_longer_than_the_buffer_is_passed_over() -> None:
     """(5.4) Blank tape is read, not kept: the mill held for ever with its buffer full of NULs."""
     leader = b"\0" * (3 * PROFILE.receive_buffer_bytes)
