@@ -105,6 +105,11 @@ class Heard:
     data: bytes = b""
 
 
+def signal_behind_xoff(byte: int) -> Signal | None:
+    """What a byte says that follows XOFF directly: SYN a reset, NAK an alarm, others nothing."""
+    return {SYN: Signal.RESET, NAK: Signal.ALARM}.get(byte & _LOW_SEVEN_BITS)
+
+
 class Listener:
     """Turns bytes from the control into signals, keeping only what the last signal was.
 
@@ -138,8 +143,5 @@ class Listener:
             return Heard(Signal.XOFF, is_masked=byte != self._xoff)
         if (byte ^ self._xon) & self._mask == 0:
             return Heard(Signal.XON, is_masked=byte != self._xon)
-        if self._last is Signal.XOFF and byte & _LOW_SEVEN_BITS == SYN:
-            return Heard(Signal.RESET)
-        if self._last is Signal.XOFF and byte & _LOW_SEVEN_BITS == NAK:
-            return Heard(Signal.ALARM)
-        return Heard(Signal.NOISE)
+        told = signal_behind_xoff(byte) if self._last is Signal.XOFF else None
+        return Heard(told or Signal.NOISE)

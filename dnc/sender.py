@@ -10,7 +10,7 @@ import math
 
 from dnc import alarms
 from dnc.events import Event, Held, JobState, Noise, Resumed, StateChanged
-from dnc.handshake import TABLE, Cause, Heard, Listener, Signal
+from dnc.handshake import TABLE, Cause, Heard, Listener, Signal, signal_behind_xoff
 from dnc.pacing import ByteClock
 from dnc.portion import Outlet
 from dnc.rules import Rules
@@ -34,6 +34,7 @@ class Sender:
         self._listener = Listener(rules.xon, rules.xoff)
         self._suspicion = Suspicion(tape)
         self._is_held_by_peer = self._has_early_xon = False
+        self._broken_off: tuple[Signal, int] | None = None
         self._since_s = -math.inf
         self._is_hold_warned = False
 
@@ -128,13 +129,10 @@ class Sender:
 
     def hear(self, data: bytes, now_s: float) -> list[Event]:
         """What the control sent, as events; XON and XOFF take effect here."""
-        if self.is_over:
+        if self.is_over or not data:
             return []
         if not self.rules.hears_xoff:
-            # A driver that stops keeps XOFF to itself: one that comes through, with bit 7 or without, was not obeyed.
-            if self.rules.is_driver_asked and {self.rules.xoff, self.rules.xoff ^ 0x80} & set(data):
-                return self._alarmed(Cause.DISTURBED, alarms.DEAF_DRIVER, "", now_s)
-            return self._noise(data, now_s)
+            return self._overhear(data, now_s)
         events: list[Event] = []
         for heard in self._listener.hear(data):
             events += self._hear_one(heard, now_s)
@@ -144,7 +142,9 @@ class Sender:
         """The same as XON and XOFF, from a modem line or a full driver queue."""
         if is_ready != self._is_held_by_peer:
             return []
-        return self._xon(now_s) if is_ready else self._xoff(False, now_s)
+        if is_ready:
+            return self._xon(now_s)
+        return self._xoff(False, now_s) + self._break_off_if_held(now_s)
 
     def take(self, room_bytes: int, now_s: float) -> bytes:
         """The bytes that may leave now: at most `room_bytes`, never more in flight than the clock allows."""
@@ -200,6 +200,30 @@ class Sender:
         if heard.signal is Signal.ALARM:
             return self._alarmed(Cause.CONTROL_ALARM, alarms.CONTROL_ALARM, "", now_s)
         return self._noise(heard.data, now_s)
+
+    def _overhear(self, data: bytes, now_s: float) -> list[Event]:
+        """What comes where XOFF is not read: reset and alarm of the control, an XOFF that the driver let through."""
+        for heard in self._listener.hear(data):
+            if heard.signal in (Signal.RESET, Signal.ALARM):
+                return self._hear_one(heard, now_s)
+        if not self.rules.is_driver_asked:
+            return self._noise(data, now_s)
+        # A driver that stops keeps XOFF to itself: one that comes through, with bit 7 or without, was not obeyed.
+        if {self.rules.xoff, self.rules.xoff ^ 0x80} & set(data):
+            return self._alarmed(Cause.DISTURBED, alarms.DEAF_DRIVER, "", now_s)
+        events = self._noise(data, now_s)
+        broken = signal_behind_xoff(data[-1])
+        self._broken_off = None if broken is None else (broken, self.offset_bytes)
+        return events + self._break_off_if_held(now_s)
+
+    def _break_off_if_held(self, now_s: float) -> list[Event]:
+        """The driver swallowed the XOFF before SYN or NAK: they count once it is seen to hold, not as lone bytes."""
+        if self._broken_off is None or not self._is_held_by_peer:
+            return []
+        (signal, at_bytes), self._broken_off = self._broken_off, None
+        if self.offset_bytes - at_bytes > self.clock.pace.inflight_max_bytes:
+            return []  # bytes left after it: nothing stopped the driver then
+        return self._hear_one(Heard(signal), now_s)
 
     def _xoff(self, is_masked: bool, now_s: float) -> list[Event]:
         events: list[Event] = []

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dnc.events import JobState, Noise
-from tests.helpers.line import XON, alarm_ids, drain, sender_of, tape_of
+from tests.helpers.line import XON, alarm_ids, drain, sender_of, states, tape_of
 
 PROGRAM = b"".join(b"N%d G1 X%d\n" % (index * 10, index) for index in range(1, 41)) + b"M30\n%\n"
 
@@ -31,6 +31,48 @@ def test_an_xoff_that_the_driver_lets_through_pauses(heard: bytes, tmp_path: Pat
     sender.start(0.0)
     assert alarm_ids(sender.hear(heard, 0.1)) == ["DNC-L6P"]
     assert (sender.state, sender.take(100, 9.0)) == (JobState.PAUSED, b"")
+
+
+@pytest.mark.parametrize(("told", "state"), [(b"\x16", JobState.ABORTED), (b"\x95", JobState.FAULTED)])
+@pytest.mark.parametrize("is_held_first", [True, False])
+def test_reset_and_alarm_of_a_control_whose_xoff_the_driver_keeps(
+    told: bytes, state: JobState, tmp_path: Path, *, is_held_first: bool
+) -> None:
+    """(5.3; faults C1, C2) SYN or NAK alone was noise: the job hung in HELD, and cycle start sent the rest of it."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM), hears_xoff=False, is_driver_asked=True)
+    sender.start(0.0)
+    drain(sender, 0.0, until_s=0.05)
+    if is_held_first:
+        sender.peer_is_ready(False, 0.05)
+    events = sender.hear(told, 0.06)
+    assert (states(events) != []) == is_held_first
+    sender.take(2, 0.07)
+    events += sender.peer_is_ready(False, 0.12)
+    assert (sender.state, sender.take(100, 9.0)) == (state, b"")
+    assert alarm_ids(events) == [{JobState.ABORTED: "DNC-C1", JobState.FAULTED: "DNC-C2"}[state]]
+    assert sender.peer_is_ready(True, 1.0) is not None
+    assert sender.state is state
+
+
+def test_a_lone_syn_that_stops_nothing_is_noise(tmp_path: Path) -> None:
+    """(faults C1, L14) With the driver's handshake: bytes left after it, so no XOFF came before it."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM), hears_xoff=False, is_driver_asked=True)
+    sender.start(0.0)
+    drain(sender, 0.0, until_s=0.05)
+    assert alarm_ids(sender.hear(b"\x16", 0.06)) == []
+    drain(sender, 0.06, until_s=0.1)
+    assert alarm_ids(sender.peer_is_ready(False, 0.2)) == []
+    assert (sender.state, sender.tally.noise_bytes) == (JobState.HELD, 1)
+
+
+@pytest.mark.parametrize("is_driver_asked", [True, False])
+def test_reset_is_heard_where_xoff_is_not(tmp_path: Path, *, is_driver_asked: bool) -> None:
+    """(5.3; fault C1) With a modem line, without a handshake, or past a driver that lets XOFF through."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM), hears_xoff=False, is_driver_asked=is_driver_asked)
+    sender.start(0.0)
+    assert sender.hear(b"", 0.1) == []
+    assert alarm_ids(sender.hear(b"\x13\x16", 0.1)) == ["DNC-C1"]
+    assert sender.state is JobState.ABORTED
 
 
 def test_other_bytes_do_not_start_an_armed_job(tmp_path: Path) -> None:

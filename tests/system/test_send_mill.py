@@ -50,12 +50,14 @@ CASES = {
     "L3": Case("lose-xoff=1", (), 6, "FAULTED", ("DNC-C2",), blocks=1000),
     "C3": Case("start=repeat-xon", ("--start", "wait-xon"), 0, "SENT"),
     "C5": Case("end-stops-reading=yes", (), 0, "SENT"),
+    "C1, driver": Case("reset=900b", ("--handshake", "driver"), 6, "ABORTED", ("DNC-C1",), blocks=1000),
+    "C2, driver": Case("alarm=900b", ("--handshake", "driver"), 6, "FAULTED", ("DNC-C2",), blocks=1000),
 }
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_every_fault_of_the_mill(name: str, tmp_path: Path) -> None:
-    """(5.10; faults L3, C3, C5) Exit code, outcome, alarms; both ends agree on the bytes."""
+    """(5.10; faults L3, C1, C2, C3, C5) Exit code, outcome, alarms; both ends agree on the bytes."""
     case = CASES[name]
     machine = small_machine(
         tmp_path, receive_buffer_bytes=512, xoff_free_bytes=120, xon_fill_bytes=200, lookahead_blocks=5
