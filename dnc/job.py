@@ -208,7 +208,8 @@ class Job:
             return 0, sender.note or f"sent {sender.tally.bytes_sent} bytes; SENT does not mean that the part is done"
         if sender.last_cause in (Cause.CONTROL_RESET, Cause.CONTROL_ALARM):
             return int(ControlStopped.exit_code), f"{told}; {window}"
-        cut = "the last block is cut: reset the control; " if sender.is_cut else ""
+        cut = "is" if sender.is_cut else "may be"
+        cut = f"the last block {cut} cut: reset the control; " if sender.may_be_cut else ""
         is_left = sender.last_cause is Cause.ABORT and self.stream.last_command is Command.LEAVE
         if sender.state is JobState.PAUSED or is_left:
             return SIGTERM_EXIT, f"stopped by SIGTERM at {sender.offset_bytes} bytes; {cut}{window}"

@@ -143,7 +143,7 @@ def send_report(
         "noise_bytes": tally.noise_bytes,
         "in_doubt": [doubt.first, doubt.last] if doubt else None,
         "in_doubt_numbers": numbers,
-        "is_block_cut": sender.is_cut,
+        "is_block_cut": sender.may_be_cut,
         "simulated": simulated,
         "alarms": [alarm_values(alarm) for alarm in alarms],
         **more,

@@ -35,6 +35,7 @@ class Sender:
         self._suspicion = Suspicion(tape)
         self._is_held_by_peer = self._has_early_xon = False
         self._broken_off: tuple[Signal, int] | None = None
+        self._thrown_bytes = 0
         self._since_s = -math.inf
         self._is_hold_warned = False
 
@@ -52,6 +53,13 @@ class Sender:
     def is_cut(self) -> bool:
         """Whether the bytes given out end inside a block."""
         return not self.tape.is_block_end(self.offset_bytes)
+
+    @property
+    def may_be_cut(self) -> bool:
+        """Whether the control may have got a part of a block only: cut off here, or thrown away on its way."""
+        tape, thrown_from = self.tape, self.offset_bytes - self._thrown_bytes
+        is_thrown = thrown_from < self.offset_bytes and self.offset_bytes > tape.leader_bytes
+        return self.is_cut or (is_thrown and thrown_from < tape.trailer_from)
 
     @property
     def is_pausing(self) -> bool:
@@ -174,6 +182,10 @@ class Sender:
         """The host did not accept the last of the bytes taken; they will be taken again."""
         self._outlet.take_back(count_bytes)
         self.tally.bytes_sent -= count_bytes
+
+    def thrown_away(self, queued_bytes: int, now_s: float) -> None:
+        """The queues below are being emptied: up to so many of the last bytes, or those in flight, never arrive."""
+        self._thrown_bytes = max(queued_bytes, self.clock.inflight_bytes(now_s))
 
     def tick(self, now_s: float) -> list[Event]:
         """Let time pass: block ends reached, time-outs, the last byte gone."""

@@ -93,10 +93,12 @@ class Stream:
             while not self._is_done():
                 self._step()
                 self._coast()
+            if sender.state is JobState.PAUSED:
+                self._let_go()
         except PortLost as problem:
             self._report(sender.lost(self._clock(), str(problem)))
         if sender.state in (JobState.ABORTED, JobState.FAULTED):
-            self.port.purge()
+            self._purge()
 
     def close(self) -> None:
         """Let go of the pipe."""
@@ -108,6 +110,22 @@ class Stream:
         if sender.is_over or sender.state is JobState.LOADED:
             return True
         return self._leave_at_s is not None and sender.state is JobState.PAUSED
+
+    def _let_go(self) -> None:
+        """Leave when the last block has left the system's queue: what a closing port drops would be missing in it."""
+        while self.port.queued_bytes():
+            now_s = self._clock()
+            if self._commands or self._leave_at_s is None or now_s >= self._leave_at_s:
+                self._report(self.sender.abort(now_s))
+                return
+            select((self._wake_read,), (), (), _FLOW_POLL_S)
+
+    def _purge(self) -> None:
+        queued_bytes = 0
+        with contextlib.suppress(PortLost):
+            queued_bytes = self.port.queued_bytes()
+        self.sender.thrown_away(queued_bytes, self._clock())
+        self.port.purge()
 
     def _step(self) -> None:
         sender = self.sender

@@ -14,7 +14,7 @@ from dnc.errors import PortLost
 from dnc.events import Event, JobState
 from dnc.pacing import Pace
 from dnc.port import Flow
-from dnc.stream import Stream
+from dnc.stream import Command, Stream
 from tests.helpers.line import XOFF, XON, NoJournal, alarm_ids, sender_of, states, tape_of
 
 PROGRAM = b"G1 X1\n" * 400 + b"M30\n%\n"
@@ -121,6 +121,55 @@ def test_a_lost_port_purges_and_faults(tmp_path: Path) -> None:
     stream.run()
     assert sender.state is JobState.FAULTED
     assert port.is_purged
+    stream.close()
+    port.close()
+
+
+class QueuePort(BrokenPort):
+    """A port with a block in the system's queue; the operator acts as soon as it lies there."""
+
+    def __init__(self, act: Command, looks: float) -> None:
+        super().__init__(PortLost("gone"))
+        self.act, self.looks = act, looks
+        self.stream: Stream | None = None
+        self.has_written = False
+
+    def write(self, data: bytes) -> int:
+        assert self.stream is not None
+        self.stream.command(self.act)
+        self.has_written = True
+        return len(data)
+
+    def queued_bytes(self) -> int:
+        self.looks -= self.has_written
+        return 3 if self.has_written and self.looks > 0 else 0
+
+
+@pytest.mark.parametrize(
+    ("act", "looks", "state"),
+    [
+        (Command.ABORT, math.inf, JobState.ABORTED),
+        (Command.ABORT, 0, JobState.ABORTED),
+        (Command.LEAVE, math.inf, JobState.ABORTED),
+        (Command.LEAVE, 10, JobState.PAUSED),
+    ],
+)
+def test_a_block_thrown_out_of_the_queue_is_cut(act: Command, looks: float, state: JobState, tmp_path: Path) -> None:
+    """(5.5, 5.7) All of it was given out, so it counted as whole: the next program began behind half a block."""
+    block = len(b"G1 X1\n")
+    port = QueuePort(act, looks)
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(0.01, block, 0.0, slack=0.0))
+    moments = itertools.count()
+    stream = port.stream = Stream(
+        sender,
+        port,
+        NoJournal(),
+        lambda _: None,
+        clock=lambda: 0.001 * next(moments),  # type: ignore[arg-type]
+    )
+    stream.run()
+    assert (sender.state, sender.offset_bytes, sender.is_cut) == (state, block, False)
+    assert (sender.may_be_cut, port.is_purged) == (state is JobState.ABORTED, state is JobState.ABORTED)
     stream.close()
     port.close()
 
