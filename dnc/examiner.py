@@ -17,8 +17,9 @@ import msgspec
 
 from dnc.events import Alarm, Event, JobState, StateChanged
 from dnc.job import Job
+from dnc.joblist import known_ids
 from dnc.names import JobNames, new_job_id
-from dnc.places import made_state_folder
+from dnc.places import made_state_folder, state_folder
 from dnc.port import Port
 from dnc.profile import Control, MachineProfile, Tape
 from dnc.sender import Sender
@@ -129,7 +130,7 @@ def examine(
         program.write_bytes(to_and_fro(profile.control))
         tape = load_tape(program, Tape(), made_state_folder() / "spool", profile.link.data_bits)
     silent = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, hold_timeout_s=0.0))
-    job = Job(tape, port, silent, JobNames(new_job_id(), "test-handshake", machine), [tell])
+    job = Job(tape, port, silent, JobNames(new_job_id(known_ids(state_folder())), "test-handshake", machine), [tell])
     try:
         with Examiner(job.stream, profile.control, resume_wait_s, say) as examiner:
             finished = job.run()

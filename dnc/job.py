@@ -34,7 +34,7 @@ from dnc.pacing import (
 from dnc.places import runtime_folder, state_folder, write_whole
 from dnc.port import Flow, Port
 from dnc.priority import Punctuality, on_time
-from dnc.profile import Link, MachineProfile
+from dnc.profile import Link, MachineProfile, framing_of
 from dnc.record import append_record, doubt_of, doubt_words, send_report
 from dnc.rules import Rules
 from dnc.sender import Sender
@@ -149,6 +149,7 @@ class Job:
             "sha256": self.tape.sha256,
             "program_sha256": self.tape.program_sha256,
             "bytes_total": self.tape.size_bytes,
+            "framing": framing_of(self.profile.tape),
             "restart": self.names.restart,
             "rehearsal": self.names.is_rehearsal,
             "started": self._started.isoformat(timespec="milliseconds"),

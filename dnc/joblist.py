@@ -38,6 +38,11 @@ def past_jobs(state: Path) -> list[PastJob]:
     return sorted(found.values(), key=lambda past: past.job)
 
 
+def known_ids(state: Path) -> set[str]:
+    """The ids of all jobs that left anything behind."""
+    return {str(values["job"]) for values in _records(state)} | {folder.name for folder in (state / "jobs").glob("*")}
+
+
 def first_broken_link(state: Path) -> int | None:
     """The first line of the record whose chain to the line before is broken; None if the record is whole."""
     previous = b""

@@ -67,6 +67,11 @@ class Tape(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     line_max_bytes: Annotated[int, Meta(ge=16)] = 4096
 
 
+def framing_of(tape: Tape) -> list[str]:
+    """What, beside the program, decides where on the tape each of its lines lies."""
+    return [tape.leader, tape.trailer, tape.end_of_block]
+
+
 class Control(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the control reads and how much it can take.
 

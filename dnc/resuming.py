@@ -22,7 +22,7 @@ from dnc.joblist import PastJob, past_jobs
 from dnc.places import state_folder
 from dnc.port import Port
 from dnc.preamble import Heights
-from dnc.profile import Control, MachineProfile
+from dnc.profile import Control, MachineProfile, framing_of
 from dnc.progress import printable
 from dnc.record import in_doubt
 from dnc.restart import RestartPoint, restart_at_line, restart_at_number
@@ -218,6 +218,12 @@ def _stopped_job(tape: Tape, machine: str, port: str | None, *, is_forced: bool)
 def _lines_in_doubt(last: PastJob, tape: Tape, profile: MachineProfile) -> tuple[int, int]:
     """The first and the last line of this program that the stopped job may or may not have executed."""
     if last.outcome == "INTERRUPTED":
+        if last.values.get("framing", framing_of(profile.tape)) != framing_of(profile.tape):
+            what = (
+                f"the stopped job {last.job} was sent with other block ends, leader or trailer than the profile has now"
+            )
+            remedy = "its bytes lie in other lines; put the profile's [tape] back, or use --start-at"
+            raise JournalMismatch(f"{what}; {remedy}")
         return doubt_of_interrupted(last.values, tape, profile.control)
     first, end = last.values.get("in_doubt") or (1, 1)
     restart = last.values.get("restart")

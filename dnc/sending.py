@@ -20,6 +20,7 @@ from dnc.errors import ExitCode, InputRejected, SettingsRejected
 from dnc.forewarning import haste_warnings, line_warnings, refuse_overrun, tape_warnings
 from dnc.hooks import hooks_of
 from dnc.job import SIGTERM_EXIT, Finished, Job
+from dnc.joblist import known_ids
 from dnc.names import JobNames, new_job_id
 from dnc.places import made_state_folder, state_folder
 from dnc.port import Port, SerialPort
@@ -219,7 +220,9 @@ def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restar
     hurry = [] if wishes.dry_run else haste_warnings(port)
     for warning in [*line_warnings(profile, port), *tape_warnings(tape), *hurry]:
         tell(f"warning: {warning}")
-    names = JobNames(new_job_id(), str(wishes.program), wishes.machine, restart, is_rehearsal=wishes.dry_run)
+    names = JobNames(
+        new_job_id(known_ids(state_folder())), str(wishes.program), wishes.machine, restart, is_rehearsal=wishes.dry_run
+    )
     about: dict[str, Any] = {"job": names.job_id, "program": names.program, "machine": names.machine}
     about |= {"port": port.name, "simulated": port.is_simulated}
     hooks = hooks_of(wishes.hook, wishes.webhook, about, lambda text: tell(f"warning: {text}"))

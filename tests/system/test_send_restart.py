@@ -295,6 +295,46 @@ def test_a_job_is_resumed_through_its_own_port(tmp_path: Path) -> None:
     assert "the last was 2, started --, through /dev/ttyOTHER" in words
 
 
+def test_the_last_job_is_resumed_though_the_clock_was_set_back(tmp_path: Path) -> None:
+    """(5.7; fault O4) A computer without a battery starts in the past: an older job passed for the last one."""
+    program = planned(tmp_path, passes=40)
+    sha = hashlib.sha256(program.read_bytes()).hexdigest()
+    options = ("--machine", str(small_buffer(tmp_path)), "--baud=19200")
+    before: dict[str, object] = {"job": "29990101T000000.000000-7", "outcome": "ABORTED", "program_sha256": sha}
+    before |= {"bytes_sent": 9000, "in_doubt": [550, 560], "machine": options[1]}
+    with PeerProcess(baud=19200, quiet_s=0) as peer:
+        append_record(tmp_path / "state/dnc", {**before, "port": peer.pty})
+        with SendProcess(tmp_path, program, peer.pty, *options) as sending:
+            wait_for_state(tmp_path, "SENDING", sent=4500)
+            sending.child.kill()
+        with SendProcess(tmp_path, program, peer.pty, *options, "--resume") as asked:
+            _, words = asked.finish()
+    assert f"the stopped job is 29990101T000000.000001-{sending.child.pid}" in words
+    said = re.search(r"lines (\d+) to (\d+) are in doubt", words)
+    assert said is not None
+    assert int(said[1]) < 500
+
+
+@pytest.mark.parametrize("more", [(), ("--start-at", "N9", "--yes")])
+def test_a_killed_job_is_not_counted_on_another_tape(more: tuple[str, ...], tmp_path: Path) -> None:
+    """(5.7; fault O4) Its journal counts bytes; with other block ends or another leader they lie in other lines."""
+    program = planned(tmp_path, passes=40)
+    machine = small_buffer(tmp_path)
+    options = ("--machine", str(machine), "--baud=19200")
+    as_it_was = machine.read_text()
+    with PeerProcess(baud=19200, quiet_s=0) as peer:
+        machine.write_text(as_it_was.replace('"as-is"', '"crlf"'))
+        with SendProcess(tmp_path, program, peer.pty, *options, *more) as sending:
+            wait_for_state(tmp_path, "SENDING", sent=4500)
+            sending.child.kill()
+        for text, code_wanted in ((as_it_was, 9), (as_it_was.replace('"as-is"', '"crlf"'), 2)):
+            machine.write_text(text)
+            with SendProcess(tmp_path, program, peer.pty, *options, "--resume") as asked:
+                code, words = asked.finish()
+            assert code == code_wanted, words
+            assert ("with other block ends, leader or trailer" in words) == (code == 9)
+
+
 def test_check_first_stops_a_bad_program(tmp_path: Path) -> None:
     """Errors of the check stop the job; --yes does not skip them."""
     program = tmp_path / "bad.mpf"
