@@ -224,6 +224,8 @@ class Stream:
 
     def _obey(self, command: Command, now_s: float) -> list[Event]:
         sender = self.sender
+        if self._leave_at_s is not None and command is not Command.ABORT:
+            return []  # the process ends, and a second SIGTERM does not put that off
         self.last_command = command
         if command is Command.ABORT:
             return sender.abort(now_s)

@@ -174,6 +174,22 @@ def test_a_block_thrown_out_of_the_queue_is_cut(act: Command, looks: float, stat
     port.close()
 
 
+@pytest.mark.parametrize("later", [Command.PAUSE, Command.RESUME, Command.LEAVE])
+def test_a_process_that_leaves_is_not_held_back(later: Command, tmp_path: Path) -> None:
+    """(5.7) Another SIGTERM put the end off, and an order in between made it an abort by the operator, exit 7."""
+    port = BrokenPort(PortLost(""))
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(0.01, 3, 0.0, slack=0.0))
+    stream = Stream(sender, port, NoJournal(), lambda _: None)  # type: ignore[arg-type]
+    sender.start(0.0)
+    sender.take(3, 0.0)  # inside a block, and no more comes: a disk that stalls
+    stream._obey(Command.LEAVE, 0.1)
+    stream._obey(later, 1.9)
+    stream._housekeep(2.1)
+    assert (sender.state, sender.is_cut, stream.last_command) == (JobState.ABORTED, True, Command.LEAVE)
+    stream.close()
+    port.close()
+
+
 class SilentPort(BrokenPort):
     """A port whose look at the modem lines, once a second, finds the control gone."""
 
