@@ -96,8 +96,9 @@ class Control:
         after = TABLE.get((self.execution, happening))
         if after is None or (happening is Happening.CYCLE_START and self.alarm_number != 0):
             return False
+        if happening is not Happening.ALARM or after is not self.execution:
+            self.history.append((now_s, happening, after))  # a machine that stands in alarm says so in every cycle
         self.execution = after
-        self.history.append((now_s, happening, after))
         if happening in (Happening.RESET, Happening.POWER_OFF):
             self.alarm_number = 0
         return True

@@ -174,6 +174,7 @@ def test_a_block_the_control_does_not_know_alarms_with_dc3_and_nak() -> None:
     ((_, alarm),) = cable.mill.alarms
     assert (alarm.line, alarm.block) == (4, 30)
     assert cable.names[-1] == "STOPPED"
+    assert [happening for _, happening, _ in cable.mill.control.history].count(Happening.ALARM) == 1
     assert cable.heard[-2:] == b"\x13\x15"
     assert cable.mill.machine.snapshot().position_mm[0] == 10.0
 
