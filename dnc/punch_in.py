@@ -20,7 +20,9 @@ _NAMES = (
     re.compile(rb"^%\s*([A-Za-z0-9_-]{1,32})"),
 )
 _LAST_BLOCK = re.compile(rb"^%$|M0*(?:2|30|17|99)$|^(?:N\d+\s*)?RET$", re.IGNORECASE)
+_LINE_END = re.compile(rb"\r\n|\n\r\r|\n\r|\n|\r")
 _HEAD_BYTES = 400
+_TAIL_BYTES = 64
 _SURE_BYTES = 24
 
 
@@ -67,7 +69,8 @@ class PunchIn:
     @property
     def next_wake_s(self) -> float:
         """When silence will have ended the program that is under way."""
-        return self._heard_s + self._silence_s if self._data.strip() else math.inf
+        is_under_way = bool(self._data) and not self._data.isspace()  # asked at every byte: nothing is copied
+        return self._heard_s + self._silence_s if is_under_way else math.inf
 
     def hear(self, data: bytes, now_s: float) -> list[Received]:
         """The programs that these bytes complete."""
@@ -77,10 +80,12 @@ class PunchIn:
             if code in _ENDS:
                 done += self._finished(End.CODE)
             elif code not in _CODES:
+                if code not in b"\r\n" and self._is_closed(least_bytes=1):
+                    done += self._finished(End.PERCENT)
                 self._data.append(code)
                 if self._data.endswith(b"%_N_"):
                     done += self._before_header()
-                if code in b"\r\n" and self._is_closed():
+                if code in b"\r\n" and self._is_closed(self._line_end_bytes()):
                     done += self._finished(End.PERCENT)
                 elif len(self._data) >= self._limit_bytes:
                     done += self._finished(End.FULL)
@@ -122,11 +127,19 @@ class PunchIn:
         text = bytes(self._data).strip()
         return text[:1] == b"%" and text[1:2] in (b"\r", b"\n") and not text.endswith((b"\n%", b"\r%"))
 
-    def _is_closed(self) -> bool:
-        """Whether a line of one % follows a program that began with %."""
-        text = self._data.rstrip(b"\r\n \t")
-        is_alone = text.endswith((b"\n%", b"\r%"))
-        return is_alone and self._data.lstrip(b"\r\n \t").startswith(b"%") and len(text) > 2
+    def _is_closed(self, least_bytes: int) -> bool:
+        """Whether a line of one %, with an end of so many bytes, follows a program that began with %."""
+        if not self._data.endswith((b"\r", b"\n")):
+            return False
+        tail = bytes(self._data[-_TAIL_BYTES:])
+        text = tail.rstrip(b"\r\n \t")
+        is_alone = text.endswith((b"\n%", b"\r%")) and len(tail[len(text) :].strip(b" \t")) >= least_bytes
+        return is_alone and self._data[:_HEAD_BYTES].lstrip(b"\r\n \t").startswith(b"%") and len(text) > 2
+
+    def _line_end_bytes(self) -> int:
+        """How long the end of the program's first line is: the closing % has one like it."""
+        first = _LINE_END.search(self._data[:_HEAD_BYTES].lstrip(b"\r\n"))
+        return 1 if first is None else len(first[0])
 
     def _finished(self, end: End) -> list[Received]:
         data = bytes(self._data).lstrip(b"\r\n")

@@ -54,6 +54,36 @@ def test_where_a_program_ends(data: bytes, programs: list[tuple[bytes, End]]) ->
     assert [(one.data, one.end) for one in fed(data)] == programs
 
 
+@pytest.mark.parametrize("end", [b"\n", b"\r", b"\r\n", b"\n\r", b"\n\r\r"])
+def test_the_closing_percent_keeps_its_line_end(end: bytes) -> None:
+    """(5.4) Of an end of two or three bytes the first alone was kept: the file was not what the control had sent."""
+    tape = end.join([b"%", b"O77", b"G0 X1", b"M30", b"%", b""])
+    assert [(one.data, one.end) for one in fed(b"\0\0" + tape + tape + b"\0")] == [(tape, End.PERCENT)] * 2
+    short = tape[: len(tape) - len(end)] + b"\n"
+    assert [one.data for one in fed(short + tape)] == [short, tape]
+
+
+def test_a_long_program_takes_no_longer_a_line() -> None:
+    """(5.4) Each byte and each line end copied all that had come: a long program came faster than it was taken."""
+    copied = [0]
+
+    class Watched(bytearray):
+        def rstrip(self, *words: bytes | None) -> bytearray:
+            copied[0] += len(self)
+            return super().rstrip(*words)
+
+        def strip(self, *words: bytes | None) -> bytearray:
+            copied[0] += len(self)
+            return super().strip(*words)
+
+    punch_in = PunchIn(5.0, 10_000_000)
+    punch_in._data = Watched()
+    for line in [b"%\n", b"O1\n", *[b"N10 G1 X1.5\n"] * 2000]:
+        punch_in.hear(line, 0.0)
+        assert punch_in.tick(0.1) == []
+    assert copied[0] < 100_000
+
+
 @given(cuts=st.lists(st.integers(0, 40), max_size=10))
 def test_pieces_make_no_difference(cuts: list[int]) -> None:
     data = b"\0\x12%\nO77\nG0 X1\nM30\n%\n\x14\0%\nO78\nM30\n%\n"

@@ -59,7 +59,7 @@ def test_whole_programs_are_stored_under_their_names(tmp_path: Path) -> None:
     assert code == 0
     assert validated(punch.printed)["programs"][0]["is_whole"]
     assert [path.name for path in tmp_path.iterdir()] == ["O1234"]
-    assert (tmp_path / "O1234").read_bytes() == WHOLE.lstrip()[:-1]
+    assert (tmp_path / "O1234").read_bytes() == WHOLE.lstrip()
     assert len(words) == 1
 
 
