@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from dnc.errors import SettingsRejected
 from dnc.preamble import FINEST_DECIMALS
 from dnc.profile import MachineProfile
 from sim.interpreter.settings import G28, KnotRule, Settings, Tool
@@ -35,6 +36,14 @@ def settings_of(
         unknown_radius_mm=unknown_radius_mm,
         tools={number: Tool(radius_mm) for number, radius_mm in tool_radii_mm.items()},
     )
+
+
+def refuse_other_dialect(profile: MachineProfile) -> None:
+    """Raise SettingsRejected where a preamble would be words of another language; some of them move an axis there."""
+    dialect = profile.control.dialect
+    if dialect != "sinumerik":
+        what = f"the machine's control reads {dialect}, and a preamble is written for SINUMERIK only"
+        raise SettingsRejected(what, remedy="send the whole program, or name a machine that reads SINUMERIK")
 
 
 def decimals_of(profile: MachineProfile) -> int:

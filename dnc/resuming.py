@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from dnc.control_side import decimals_of, settings_of
+from dnc.control_side import decimals_of, refuse_other_dialect, settings_of
 from dnc.device_names import device_of, identity_of
 from dnc.errors import InputRejected, JournalMismatch, OperatorAbort, PortUnavailable
 from dnc.joblist import PastJob, past_jobs
@@ -81,9 +81,11 @@ def plan_restart(
 
     Tool radii are the job's; without one that of the sidecar's tool is known. `machine` is its name and profile. A
     rehearsal has no port: it takes the last job that was none.
-    Raises JournalMismatch (no such job, another program or machine), InputRejected (no such block, not to be restored).
+    Raises JournalMismatch (no such job, another program or machine), InputRejected (no such block, not to be restored),
+    SettingsRejected (a control of another language).
     """
     profile = machine[1]
+    refuse_other_dialect(profile)
     data = program.read_bytes()
     sidecar = _sidecar_of(program, data)
     points = sidecar.restart_points

@@ -36,7 +36,7 @@ def command(
     as_json: bool,
 ) -> int:
     """Cut PROGRAM where the tool stands clear; each part restores tool, spindle, frames and modes, and ends itself."""
-    from dnc.control_side import decimals_of, settings_of
+    from dnc.control_side import decimals_of, refuse_other_dialect, settings_of
     from dnc.framing import CharacterCheck
     from dnc.preamble import Heights
     from dnc.profile import beyond_travel, load_profile, profile_path
@@ -63,6 +63,8 @@ def command(
     )
     limit = most_bytes or profile.control.receive_buffer_bytes
     data = read_program(program)
+    if len(data) > limit:
+        refuse_other_dialect(profile)
     CharacterCheck(program, profile.tape.character_set, len(data), profile.link.data_bits).feed(data)
     parts = split_program(data, limit, heights, settings)
     made_folder(output)

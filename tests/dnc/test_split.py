@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from dnc.check.limits import Limits
 from dnc.check.run import Check
 from dnc.cli.split import command
-from dnc.errors import InputRejected
+from dnc.errors import InputRejected, SettingsRejected
 from dnc.preamble import Heights
 from dnc.profile import load_profile
 from dnc.shipped import shipped_path
@@ -145,3 +145,20 @@ def test_a_retract_beyond_the_travel_is_refused(tmp_path: Path) -> None:
     arguments = [str(source), "-o", str(tmp_path), "--job", str(THESIS), "--retract-z", "501"]
     with pytest.raises(click.UsageError, match="--retract-z 501 is beyond the travel of Z, -500 to 500 mm"):
         CliRunner().invoke(command, arguments, standalone_mode=False, catch_exceptions=False)
+
+
+@pytest.mark.parametrize(("most_bytes", "code"), [(400, 8), (60_000, 0)])
+def test_no_preamble_goes_to_a_control_of_another_language(most_bytes: int, code: int, tmp_path: Path) -> None:
+    """(6.8) A FANUC got parts that begin with G60 G710 and TRANS; a program that fits needs no preamble."""
+    machine, whole = tmp_path / "fanuc.toml", tmp_path / "part.nc"
+    text = shipped_path("machines", "sinumerik-840d").read_text()
+    machine.write_text(text.replace('dialect = "sinumerik"', 'dialect = "fanuc"'))
+    whole.write_text("G17 G40 G90 G94\nG54\nT2 M6\nG0 Z50\n" + "G0 X1 Y0\nG1 Z-1 F100\nG0 Z10\n" * 40 + "M30\n")
+    words = [str(whole), "-o", str(tmp_path / "parts"), "--job", str(THESIS), "--machine", str(machine)]
+    ran = CliRunner().invoke(command, [*words, "--bytes", str(most_bytes)])
+    if code:
+        assert isinstance(ran.exception, SettingsRejected)
+        assert "reads fanuc" in str(ran.exception)
+        assert not (tmp_path / "parts").exists() or not list((tmp_path / "parts").iterdir())
+    else:
+        assert ran.exit_code == 0, ran.output
