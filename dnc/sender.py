@@ -56,10 +56,11 @@ class Sender:
 
     @property
     def may_be_cut(self) -> bool:
-        """Whether the control may have got a part of a block only: cut off here, or thrown away on its way."""
+        """Whether the control may have got a part of a block only: cut off here, thrown away on its way, or overrun."""
         tape, thrown_from = self.tape, self.offset_bytes - self._thrown_bytes
         is_thrown = thrown_from < self.offset_bytes and self.offset_bytes > tape.leader_bytes
-        return self.is_cut or (is_thrown and thrown_from < tape.trailer_from)
+        is_overrun = self.last_cause is Cause.CONTROL_ALARM  # for all we know: it then kept less than was sent
+        return self.is_cut or is_overrun or (is_thrown and thrown_from < tape.trailer_from)
 
     @property
     def is_pausing(self) -> bool:

@@ -161,3 +161,16 @@ def test_noise_without_end_costs_no_time(tmp_path: Path) -> None:
         sender.hear(b"Z", index * 1e-4)
     assert time.process_time() - begun_s < 5 * early_s
     assert (sender.state, sender.tally.noise_bytes) == (JobState.PAUSED, 22_000)
+
+
+def test_a_block_that_an_alarm_may_have_torn_is_cut(tmp_path: Path) -> None:
+    """(5.7; faults C2, L3) Sent whole, but the buffer may have run over inside it; a reset forgets what it held."""
+    for told, may_be_cut in ((b"\x13\x15", True), (b"\x13\x16", False)):
+        sender = sender_of(tape_of(tmp_path, PROGRAM))
+        sender.start(0.0)
+        drain(sender, 0.0, until_s=0.05)
+        sender.pause(0.05)
+        drain(sender, 0.05, until_s=0.1)
+        assert (sender.state, sender.may_be_cut) == (JobState.PAUSED, False)
+        sender.hear(told, 1.0)
+        assert (sender.is_over, sender.is_cut, sender.may_be_cut) == (True, False, may_be_cut)
