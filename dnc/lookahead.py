@@ -7,12 +7,15 @@ moves. What may or may not move here is taken for one that does not: the window 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 from dnc.tape import Tape
 
 _CHUNK_BYTES = 4096
+_RUN_BYTES = 1_000_000
 _ASIDE = re.compile(rb'"[^"]*"?|\([^()]*\)|[;(].*')
 _AXIS = re.compile(rb"(?<![A-Z_$\[])[ABCIJKUVWXYZ]\s*[-+.=\d]|PO\[", re.IGNORECASE)
+_CODE = re.compile(rb"(?<![A-Z_])(?:(?:[ABC]SPLINE|POLY|CIP|CT|INVCC?W)(?![A-Z\d])|G0*[0-3](?![\d.]))", re.IGNORECASE)
 _STAYS = re.compile(rb"^\s*/|G0*(?:4|10|25|26|5\d|68|69|92)(?!\d)", re.IGNORECASE)
 _WORD = re.compile(rb"[A-Z_$]{2,}", re.IGNORECASE)
 _OF_MOVES = frozenset(
@@ -23,9 +26,25 @@ _OF_MOVES = frozenset(
 def first_unsure_line(tape: Tape, read_bytes: int, blocks: int) -> int:
     """The line of the last move but so many before the line of byte `read_bytes`; 1 if there are not so many.
 
-    Lines count from 1. Reads backwards piece by piece, so that its time depends on the answer alone.
+    Within a run of splines the line where it begins: a control may read the run to its end before it moves. Lines count
+    from 1. Reads backwards piece by piece, so that its time depends on the answer and on one megabyte before it alone.
     """
-    line = tape.lines.line_at(tape, read_bytes)
+    begin = tape.lines.line_at(tape, read_bytes)
+    first, limit = 0, 0
+    for line, at, text in _lines_before(tape, begin):
+        if not first:
+            blocks -= moves(text)
+            first, limit = (line, at - _RUN_BYTES) if blocks <= 0 else (0, 0)
+        code = _CODE.findall(_ASIDE.sub(b"", text)) if first else []
+        if code:
+            return line if code[-1].upper().endswith(b"SPLINE") else first
+        if at < limit:
+            break
+    return first or 1
+
+
+def _lines_before(tape: Tape, line: int) -> Iterator[tuple[int, int, bytes]]:
+    """The lines before this one, the last first: its number, where the piece read with it begins, text."""
     end, size = tape.lines.offset_of(tape, line), _CHUNK_BYTES
     while end > tape.leader_bytes:
         begin = max(tape.leader_bytes, end - size)
@@ -36,11 +55,8 @@ def first_unsure_line(tape: Tape, read_bytes: int, blocks: int) -> int:
             continue
         for text in reversed(texts[:-1]):
             line -= 1
-            blocks -= moves(text)
-            if blocks <= 0:
-                return line
+            yield line, begin, text
         end = begin + len(head) + len(tape.lines.mark) if head else begin
-    return 1
 
 
 def moves(text: bytes) -> bool:

@@ -37,6 +37,26 @@ def test_where_every_line_moves_lines_are_counted(tmp_path: Path) -> None:
             assert first_unsure_line(tape, tape.lines.offset_of(tape, line), blocks) == max(1, line - blocks)
 
 
+@pytest.mark.parametrize("code", [b"BSPLINE", b"aspline", b"CSPLINE"])
+def test_a_run_of_splines_is_unsure_from_its_begin(tmp_path: Path, code: bytes) -> None:
+    """(5.7) A control may read the whole run before it moves: its first points were called executed."""
+    run = [
+        b"N1 G1 X0 Y0",
+        b"N2 X1 ; BSPLINE",
+        code + b" X2 Y0 PL=0",
+        *(b"X%d Y1" % at for at in range(3, 60)),
+        b"G1 X70",
+    ]
+    rest = [b"X%d" % at for at in range(71, 90)]
+    with closing(tape_of(tmp_path, b"\n".join(run + rest) + b"\n")) as tape:
+
+        def first(line: int) -> int:
+            return first_unsure_line(tape, tape.lines.offset_of(tape, line), 3)
+
+        assert [first(line) for line in (3, 4, 30, 61, 63)] == [1, 1, 3, 3, 3]
+        assert [first(line) for line in (64, 70)] == [61, 67]
+
+
 @pytest.mark.parametrize(
     ("text", "is_so"),
     [
