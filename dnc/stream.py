@@ -27,6 +27,7 @@ _LEAVE_S = 2.0
 _HOLD_UP_S = 0.0005
 _HOLD_UPS_KEPT = 2000
 _STUCK_S = 0.05
+_STUCK_BYTES = 3
 _DRAIN_S = 2.0
 _FLOW_POLL_S = 0.002
 _WATCHFUL_S = 0.25
@@ -283,7 +284,8 @@ class Stream:
         if self._flow is Flow.DRIVER:
             if not self._is_full and self.port.queued_bytes() < self.sender.clock.pace.inflight_max_bytes:
                 self._moving_at_s = now_s
-            return self.sender.peer_is_ready(now_s - self._moving_at_s < _STUCK_S, now_s)
+            stuck_s = max(_STUCK_S, _STUCK_BYTES * self.sender.clock.pace.byte_s)  # a byte takes 0.1 s at 110 baud
+            return self.sender.peer_is_ready(now_s - self._moving_at_s < stuck_s, now_s)
         return []
 
     def _report(self, events: Iterable[Event]) -> None:

@@ -253,6 +253,33 @@ def test_a_hold_is_no_hold_up(tmp_path: Path) -> None:
     port.close()
 
 
+class DrivenPort(BrokenPort):
+    """A port whose driver obeys XOFF itself; of what it is given, so much waits."""
+
+    flow = Flow.DRIVER
+    waiting_bytes = 0
+
+    def queued_bytes(self) -> int:
+        return self.waiting_bytes
+
+
+@pytest.mark.parametrize(("baud", "patience_s"), [(110, 0.29), (9600, 0.05)])
+def test_a_slow_byte_is_no_hold(tmp_path: Path, baud: int, patience_s: float) -> None:
+    """(5.3) At 110 baud a byte takes 0.1 s: each was a hold, and its end the proof of what had been executed."""
+    port = DrivenPort(PortLost(""))
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(11 / baud, 2, 0.0, slack=0.0), hears_xoff=False)
+    stream = Stream(sender, port, NoJournal(), lambda _: None)  # type: ignore[arg-type]
+    sender.start(0.0)
+    stream._watch_flow(0.0)
+    port.waiting_bytes = 2
+    stream._watch_flow(0.95 * patience_s)
+    assert sender.state is JobState.SENDING
+    stream._watch_flow(1.1 * patience_s)
+    assert sender.state is JobState.HELD
+    stream.close()
+    port.close()
+
+
 class SlowPort(BrokenPort):
     """An adapter whose line is half as fast as it should be; it tells how many bytes wait in it."""
 
