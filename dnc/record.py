@@ -8,7 +8,7 @@ import json
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from dnc.sender import Sender
 from dnc.tape import Tape
 
 _UNTOLD = (Cause.CONTROL_ALARM, Cause.CONTROL_RESET)
+UNLESS_LOST = "if the control took all that was sent"
 SCHEMA = "dripmill.send"
 VERSION = 1
 _BLOCK_NUMBER = re.compile(rb"^\s*/?\d?\s*([N:]\s*\d+)", re.IGNORECASE)
@@ -62,12 +63,14 @@ def doubt_of(sender: Sender, control: Control) -> InDoubt | None:
     """The window of a job that has ended.
 
     After an alarm or a reset nobody knows how much of what was sent the control took: its buffer may have run over.
-    What it had executed when it last said XON is certain.
+    What it had executed when it last said XON is certain, unless noise came too: an XON may have been noise.
     """
     inflight_bytes, proven_bytes = sender.clock.pace.inflight_max_bytes, None
     if sender.last_cause in _UNTOLD:
         proven_bytes = (sender.tally.xon_offset_bytes or 0) - control.xon_fill_bytes - inflight_bytes
-    return in_doubt(sender.tape, sender.offset_bytes, inflight_bytes, control, proven_bytes)
+    found = in_doubt(sender.tape, sender.offset_bytes, inflight_bytes, control, proven_bytes)
+    is_noisy = sender.tally.noise_bytes > 0 or sender.tally.unasked_xon_count > 0
+    return replace(found, is_proven=False) if found is not None and is_noisy else found
 
 
 def block_number(text: bytes) -> str | None:
@@ -90,7 +93,7 @@ def doubt_words(tape: Tape, doubt: InDoubt | None, restart: Mapping[str, Any] | 
     if doubt is None:
         return "nothing of the program was sent"
     first, last = (_place(tape, line, restart) for line in (doubt.first, doubt.last))
-    unless = "" if doubt.is_proven else ", if the control took all that was sent"
+    unless = "" if doubt.is_proven else f", {UNLESS_LOST}"
     done = f"what lies before {first} was executed{unless}; " if doubt.first > 1 else ""
     return f"{done}in doubt from {first} to {last}; nothing behind it was sent whole"
 

@@ -24,7 +24,7 @@ from dnc.port import Port
 from dnc.preamble import Heights
 from dnc.profile import Control, MachineProfile, framing_of
 from dnc.progress import printable
-from dnc.record import in_doubt
+from dnc.record import UNLESS_LOST, in_doubt
 from dnc.restart import RestartPoint, restart_at_line, restart_at_number
 from dnc.sidecar import Point, Sidecar, State, load_sidecar
 from dnc.tape import Tape
@@ -122,6 +122,8 @@ def confirm(plan: Plan, *, is_yes: bool) -> None:
         first, last = plan.doubt
         said = [] if plan.stopped is None else [f"the stopped job is {_name_of(plan.stopped)}"]
         said.append(f"lines {first} to {last} are in doubt: sent, perhaps not executed")
+        if first > 1:
+            said.append(f"what lies before line {first} was executed, {UNLESS_LOST}: look at the part")
     said.append(f"restart at {where}: everything from there on is cut again, nothing before it")
     if not plan.is_lifted:
         said.append(

@@ -118,6 +118,21 @@ def test_after_an_overrun_only_what_xon_proved_counts_as_executed(tmp_path: Path
     assert "if the control took" not in doubt_words(tape, doubt)
 
 
+@pytest.mark.parametrize("told", [b"\x07", b"\x11"])
+def test_where_noise_came_no_xon_is_a_proof(tmp_path: Path, told: bytes) -> None:
+    """(faults L3, L4, L14) An XON that was noise, or came unasked, says nothing of what the control had executed."""
+    tape = tape_of(tmp_path, PROGRAM)
+    control = Control(receive_buffer_bytes=200, xoff_free_bytes=50, xon_fill_bytes=60, lookahead_blocks=2)
+    sender = sender_of(tape)
+    sender.start(0.0)
+    for data, at_s in ((told, 0.2), (XOFF, 0.3), (XON, 0.4)):
+        drain(sender, 0.0, until_s=at_s)
+        sender.hear(data, at_s)
+    drain(sender, 0.4, until_s=1.4)
+    sender.hear(b"\x13\x15", 1.4)
+    assert "if the control took all that was sent" in doubt_words(tape, doubt_of(sender, control))
+
+
 def test_a_spurious_xoff_is_a_short_hold(tmp_path: Path) -> None:
     """(fault L5) No alarm; the hold is counted."""
     sender = sender_of(tape_of(tmp_path, PROGRAM))

@@ -286,6 +286,7 @@ def test_a_job_is_resumed_through_its_own_port(tmp_path: Path) -> None:
         assert code == 2
         assert f"the stopped job is 0, started 2026-01-02, through {peer.pty}" in words
         assert "lines 60 to 70 are in doubt" in words
+        assert "before line 60 was executed, if the control took all that was sent" in words
         with PeerProcess() as another:
             with SendProcess(tmp_path, program, another.pty, "--resume", "--yes") as sending:
                 code, words = sending.finish()
