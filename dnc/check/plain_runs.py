@@ -4,6 +4,7 @@ leave behind. A block in doubt goes the ordinary way, so the findings are those 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -66,11 +67,11 @@ def doubtful(
     has_moved = (ends != before).any(axis=1)
     found: NDArray[np.bool_] = ~has_moved & ~np.isnan(values[:, 2:5]).all(axis=1)
     found |= _bad_numbers(values[:, 0], track)
-    found |= _odd_feeds(values[:, 5], track)
     for axis, name in enumerate(("X", "Y", "Z")):
         least_mm, most_mm = track.limits.reach_mm(name, track.is_zero_shifted)
         found |= (ends[:, axis] < least_mm) | (ends[:, axis] > most_mm)
     rows = np.flatnonzero(has_moved)
+    found[rows] |= _odd_feeds(values[:, 5], rows, interpreter.modal.feed, track)
     if len(rows) and track.direction is not None:
         found[rows] |= _turns(ends[rows] - before[rows], track.direction, slack)
     found[rows[1:]] |= _after_plunges(ends[rows], before[rows])
@@ -100,15 +101,23 @@ def _bad_numbers(numbers: NDArray[np.float64], track: Track) -> NDArray[np.bool_
     return found
 
 
-def _odd_feeds(feeds: NDArray[np.float64], track: Track) -> NDArray[np.bool_]:
-    """Blocks whose F is odd, and the first F behind one that was."""
-    found = np.zeros(len(feeds), dtype=np.bool_)
-    rows = np.flatnonzero(~np.isnan(feeds))
-    if len(rows):
-        slowest, fastest = track.limits.usual_feeds_mm_min
-        is_odd = (feeds[rows] < slowest) | (feeds[rows] > fastest)
-        found[rows] = is_odd | np.concatenate([[track.told_feed_mm_min is not None], is_odd[:-1]])
-    return found
+def _odd_feeds(
+    feeds: NDArray[np.float64], rows: NDArray[np.intp], feed_before: float | None, track: Track
+) -> NDArray[np.bool_]:
+    """Which moves, in these rows, have an odd feed that the move before had not, or are the first behind one.
+
+    `feeds` (n,) are the F words, NaN where there is none; F may stand in a block of its own.
+    """
+    if not len(rows):
+        return np.zeros(0, dtype=np.bool_)
+    filled = np.concatenate([[math.nan if feed_before is None else feed_before], feeds])
+    held = np.maximum.accumulate(np.where(np.isnan(filled), 0, np.arange(len(filled))))
+    here = filled[held[rows + 1]]
+    slowest, fastest = track.limits.usual_feeds_mm_min
+    is_odd = (here < slowest) | (here > fastest)
+    told = track.told_feed_mm_min
+    first = is_odd[0] if told is None else here[0] != told
+    return np.concatenate([[first], (np.diff(here) != 0.0) & (is_odd[1:] | is_odd[:-1])])
 
 
 def _turns(ways: NDArray[np.float64], before: Vector, slack: float) -> NDArray[np.bool_]:

@@ -164,6 +164,17 @@ def test_a_spindle_that_starts_again_and_characters_of_a_narrow_set() -> None:
     assert {"no-spindle-dwell", "character"} <= {finding.id for finding in check.finish().findings}
 
 
+@pytest.mark.parametrize("feed", ["F60000", "X20 F60000", "F0.5"])
+@pytest.mark.parametrize("at", [250, 251, 252])
+def test_a_feed_in_a_block_of_its_own(feed: str, at: int) -> None:
+    """(6.10) It acts on the moves behind it, and so does the F that ends it; told again where it comes again."""
+    lines = HEAD.splitlines() + cam(400, 3000) + TAIL.splitlines()
+    lines[at:at] = [feed]
+    lines[at + 40 : at + 40] = ["F300"]
+    lines[at + 80 : at + 80] = [feed]
+    agree("\n".join(lines).encode())
+
+
 _ODD = [
     "N5 G1 X3", "N104 X4", "N999999999 X4", "X30 Y30", "X-30", "G1", "", "N7", "F300", "F0", "X1 Q5", "X5000", "Z-5",
     "G0 Z20", "G0 X9 Z2", "G91", "G90", "G2 X9 Y9 I4 J0", "M30", "M8", "MSG(\"A\")", "g1 x5", "X5 G1", "X7\tY8",
