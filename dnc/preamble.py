@@ -127,13 +127,20 @@ def _frame_blocks(state: State, spelling: Spelling) -> Iterator[str]:
 
 def _tool_blocks(state: State, settings: Settings) -> Iterator[str]:
     """The tool by the changer, or by the operator's hand while the program waits; then the one chosen for later."""
+    tool, later = (_called(state.tool, state.tool_name), _called(state.tool_selected, state.tool_selected_name))
     if not settings.has_tool_changer:
-        yield from [f'MSG("TOOL {state.tool}")', f"T{state.tool}", "M0", "MSG()"] if state.tool else []
+        said = f'MSG("TOOL {state.tool_name or state.tool}")'
+        yield from [said, tool, "M0", "MSG()"] if tool != "T0" else []
         return
-    if state.tool:
-        yield f"T{state.tool} M6"
-    if state.tool_selected != state.tool:
-        yield f"T{state.tool_selected}"
+    if tool != "T0":
+        yield f"{tool} M6"
+    if later != tool:
+        yield later
+
+
+def _called(number: int, name: str) -> str:
+    """The word that calls a tool; what has a name is never called by a number, which may be another tool's."""
+    return f'T="{name}"' if name else f"T{number}"
 
 
 def _spindle_blocks(state: State, spelling: Spelling) -> Iterator[str]:

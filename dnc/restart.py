@@ -91,7 +91,7 @@ def clear_points(data: bytes, heights: Heights, settings: Settings | None = None
 
 def _is_clear(place: _Place, heights: Heights, settings: Settings) -> bool:
     state = place.state
-    if not state.tool or state.motion != "G0":
+    if not (state.tool or state.tool_name) or state.motion != "G0":
         return False
     height_mm = mapping_of(state, settings, is_suppressed=False).inverse_point(state.position_mm)[2]
     return heights.is_clear(height_mm)
@@ -103,7 +103,8 @@ def last_safe_line(data: bytes, line: int, settings: Settings | None = None) -> 
     for place in _places(data, settings):
         if place.line > line:
             break
-        if place.state.tool and _obstacle_at(data, place) is None:
+        is_armed = place.state.tool or place.state.tool_name
+        if is_armed and _obstacle_at(data, place) is None:
             safe = place.line
     return safe
 
@@ -159,6 +160,8 @@ def _obstacle(interpreter: Interpreter) -> str | None:
         return f"{state.motion} is running, and the curve depends on blocks before"
     if state.compensation != "G40":
         return f"{state.compensation} is active, and its contour depends on blocks before"
+    if not (state.tool_name.isascii() and state.tool_selected_name.isascii()):
+        return "a tool's name has letters that the preamble cannot write"
     if not state.frame.is_identity_matrix:
         return "a frame turns, scales or mirrors, which the preamble cannot restore"
     return None

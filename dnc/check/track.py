@@ -159,7 +159,7 @@ class Track:
             case canon.Dwell():
                 self.spindle_line = None
             case canon.ChangeTool(number=number):
-                self.tool = number or (NAMED_TOOL if self.is_tool_named else 0)
+                self.tool = NAMED_TOOL if self.is_tool_named else number
                 self._see_edge(1)
             case canon.SelectEdge(number=number):
                 self._see_edge(number)

@@ -162,10 +162,10 @@ class Executor:
                 raise ControlAlarm(
                     AlarmNumber.VALUE_OUT_OF_RANGE, f"T{number:g} is no tool; a whole number is expected"
                 )
-            state.tool_selected = int(number)
+            state.tool_selected, state.tool_selected_name = int(number), request.tool_name or ""
             self._put(canon.SelectTool, request, int(number))
         if 6 in request.m_codes or (number is not None and not settings.has_tool_changer):
-            state.tool, state.edge = state.tool_selected, 1
+            state.tool, state.tool_name, state.edge = state.tool_selected, state.tool_selected_name, 1
             self._put(canon.ChangeTool, request, state.tool)
         edge = request.take("D")
         if edge is not None:

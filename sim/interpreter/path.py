@@ -100,11 +100,13 @@ class Path:
 
     def _side(self) -> Side:
         state = self._state
-        tool = self._settings.tools.get(state.tool)
+        tool = None if state.tool_name else self._settings.tools.get(state.tool)
         if tool is None and self._settings.unknown_radius_mm is not None:
             tool = Tool(self._settings.unknown_radius_mm)
         if tool is None and state.edge:
             text = f"the radius of tool T{state.tool} is not known; name the job with --job (the mill: --nominal)"
+            if state.tool_name:
+                text = f'the radius of tool "{state.tool_name}" is not known; a job names its tools by number'
             raise ControlAlarm(AlarmNumber.COMPENSATION, text)
         radius = tool.radius_mm if tool is not None and state.edge else 0.0
         frame = state.frame

@@ -46,7 +46,9 @@ class State:
     spline_degree: int = 3
     feed_axes: tuple[int, ...] | None = None
     tool_selected: int = 0
+    tool_selected_name: str = ""
     tool: int = 0
+    tool_name: str = ""
     edge: int = 1
     spindle_rpm: float = 0.0
     spindle_direction: int = 0

@@ -24,7 +24,7 @@ class SystemVariables:
         if name in ("$P_EP", "$AA_IW", "$AA_IM"):
             mapping = mapping_of(state, self._settings, is_suppressed=name == "$AA_IM")
             return mapping.inverse_point(state.position_mm)[self._axis(name, indices)]
-        tool = self._settings.tools.get(state.tool)
+        tool = None if state.tool_name else self._settings.tools.get(state.tool)
         plain = {
             "$P_F": state.feed or 0.0,
             "$P_S": state.spindle_rpm,

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import pytest
 
+from dnc.errors import InputRejected
 from dnc.preamble import Heights
 from dnc.restart import restart_at_line, restart_at_number
 from sim.interpreter import canon
@@ -142,3 +144,23 @@ def test_numbers_have_no_more_decimals_than_the_control_reads() -> None:
     heights = dataclasses.replace(HEIGHTS, decimals=3)
     blocks = preamble_at(HEAD.replace("X0 Y0", "X1.23456 Y2"), "G1 Z1 F100\nM30\n", heights=heights)
     assert "G0 X1.235 Y2" in blocks
+
+
+@pytest.mark.parametrize("name", ["BALL_R4", "FINISHER", "MILL8"])
+def test_a_tool_that_has_a_name_is_called_by_it(name: str) -> None:
+    """(6.8) The digits of the name were called as a number: another tool; a name without a digit was not called."""
+    data = program().replace(b"T2 M6", b'T="%s" M6' % name.encode())
+    assert b'T="' in data
+    point = restart_at_number(data, 2, HEIGHTS)
+    assert f'T="{name}" M6' in point.preamble
+    by_hand = restart_at_number(data, 2, HEIGHTS, Settings(has_tool_changer=False)).preamble
+    at = by_hand.index(f'T="{name}"')
+    assert by_hand[at - 1 : at + 3] == (f'MSG("TOOL {name}")', f'T="{name}"', "M0", "MSG()")
+    assert not [text for text in (*point.preamble, *by_hand) if re.match(r"T\d", text)]
+
+
+def test_a_name_that_cannot_be_written_is_no_place_to_restart() -> None:
+    """(6.8)"""
+    data = program().replace(b"T2 M6", 'T="FRÄSER" M6'.encode("latin-1"))
+    with pytest.raises(InputRejected, match="tool's name"):
+        restart_at_number(data, 2, HEIGHTS)
