@@ -23,34 +23,16 @@ from planner.path.gouge import tool_side
 from planner.path.strategy.angle import best_angle_rad
 from planner.path.strategy.parallel import Wishes, lay_parallel
 from planner.plan import plan_job, scallop_target_mm
-from planner.post.written import ControlLimits
 from planner.surface.curvature import survey
+from tests.planner.jobs import LIMITS, SURFACE, job_in
 from tests.planner.surfaces import cylinder_patch
 
 SCHEMA = Path(__file__).parents[2] / "docs/schemas/plan.schema.json"
-JOB = shipped_path("jobs", "thesis").read_text()
-SURFACE = shipped_path("surfaces", "thesis").read_text()
 PLATE_OF_5_M = """degree = [1, 1]
 knots_u = [0, 0, 1, 1]
 knots_v = [0, 0, 1, 1]
 control_points = [[[0, 0, 0], [5000, 0, 0]], [[0, 5000, 0], [5000, 5000, 1]]]
 """
-LIMITS = ControlLimits()
-
-
-def job_in(folder: Path, *changes: tuple[str, str], surface: tuple[str, str] | None = None) -> Path:
-    """The thesis job in a folder of its own, with replacements in job and surface."""
-    text = JOB.replace("../surfaces/thesis.toml", "surface.toml")
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    shape = SURFACE
-    if surface:
-        assert surface[0] in shape
-        shape = shape.replace(*surface)
-    (folder / "surface.toml").write_text(shape)
-    (folder / "job.toml").write_text(text)
-    return folder / "job.toml"
 
 
 def test_the_main_job_keeps_its_promises(tmp_path: Path) -> None:

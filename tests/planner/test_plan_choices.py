@@ -15,7 +15,7 @@ from planner.plan import plan_job
 from planner.post.written import ControlLimits
 from planner.surface.curvature import survey
 from planner.surface.patch import NurbsPatch
-from tests.planner.test_plan import LIMITS, SURFACE, job_in
+from tests.planner.jobs import LIMITS, SURFACE, job_in
 
 STEEP = (Path(__file__).parent / "data/ends/short-steep-pass.toml").read_text()
 PLATE = """degree = [1, 1]

@@ -9,7 +9,7 @@ import pytest
 from planner.plan import plan_job
 from planner.plot import draw_plan, worst_gap
 from planner.post.written import ControlLimits
-from tests.planner.test_plan import SURFACE, job_in
+from tests.planner.jobs import SURFACE, job_in
 
 ROLLING = ('edge = "to-border"', 'edge = "roll-over"')
 PLATE = """degree = [1, 1]

@@ -14,7 +14,7 @@ from sim.interpreter.run import Interpreter, interpret
 from sim.mill import rehearse, settings_of
 from sim.motion.values import Samples
 from sim.motion_log import MotionLog, Peaks
-from tests.sim.test_live import PROFILE
+from tests.sim.cable import PROFILE
 
 PROGRAM = b"%_N_A_MPF\nN10 G90 G64 F600\nN20 G0 X10 Y0\n\nN30 M0\nN40 G1 X20\nN50 M30\nN60 G1 X99\n"
 
