@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from dnc.joblist import PastJob
 
 
 @click.command(epilog="Example: dnc jobs --json")
@@ -31,17 +36,47 @@ def command(job: str | None, verify: bool, as_json: bool) -> None:
         jobs = [past for past in jobs if past.job.startswith(job)]
         if not jobs:
             raise JournalMismatch(f"there is no job {job}; see dnc jobs")
-    if as_json or job is not None:
+    if as_json:
         rows = [{**past.values, "job": past.job, "outcome": past.outcome} for past in jobs]
         click.echo(json.dumps({"schema": "dripmill.jobs", "version": 1, "jobs": rows}, indent=1))
         return
     if not jobs:
         click.echo("dnc: no job was sent from here yet", err=True)
     for past in jobs:
-        values = past.values
-        label = "SIMULATED" if values.get("simulated") else ""
-        sent = f"{values.get('bytes_sent', '?')}"
-        if values.get("bound_bytes", 0) > values.get("bytes_sent", 0):  # what had left when the process was killed
-            sent += f" to {min(values['bound_bytes'], values.get('bytes_total', values['bound_bytes']))}"
-        sent += f"/{values.get('bytes_total', '?')} bytes"
-        click.echo(f"{past.job:30} {label:9} {past.outcome:11} {sent}  {printable(str(values.get('program', '?')))}")
+        if job is not None:
+            for name, value in _page(past):
+                click.echo(f"{name:12} {printable(value)}")
+            continue
+        label = "SIMULATED" if past.values.get("simulated") else ""
+        program = printable(str(past.values.get("program", "?")))
+        click.echo(f"{past.job:30} {label:9} {past.outcome:11} {_sent(past)}  {program}")
+
+
+def _sent(past: PastJob) -> str:
+    values = past.values
+    sent = f"{values.get('bytes_sent', '?')}"
+    if values.get("bound_bytes", 0) > values.get("bytes_sent", 0):  # what had left when the process was killed
+        sent += f" to {min(values['bound_bytes'], values.get('bytes_total', values['bound_bytes']))}"
+    return f"{sent}/{values.get('bytes_total', '?')} bytes"
+
+
+def _page(past: PastJob) -> Iterator[tuple[str, str]]:
+    """One job in full, for a reader: what is on record of it, a line each."""
+    values = past.values
+    yield "job", past.job + (" SIMULATED" if values.get("simulated") else "")
+    cause = values.get("cause")
+    yield "outcome", past.outcome + (f": {cause}" if cause else "")
+    for name in ("note", "program", "machine", "port", "started", "sha256", "handshake", "baud"):
+        if values.get(name):
+            yield name, str(values[name])
+    yield "sent", _sent(past)
+    if "elapsed_s" in values:
+        used = f", {100 * values['utilisation']:.1f} % of the line while not held" if "utilisation" in values else ""
+        yield "time", f"{values['elapsed_s']:.1f} s, held {values['held_s']:.1f} s by {values['xoff_count']} XOFF{used}"
+    if isinstance(values.get("in_doubt"), list):
+        first, last = values["in_doubt"]
+        yield "in doubt", f"lines {first} to {last} of what was sent"
+    if isinstance(values.get("restart"), dict):
+        yield "restart", f"at line {values['restart'].get('line', '?')} of the program"
+    for alarm in values.get("alarms") or ():
+        yield alarm.get("id", "alarm"), f"{alarm.get('text', '')}; {alarm.get('remedy', '')}"

@@ -220,4 +220,7 @@ def test_jobs_command_shows_and_verifies(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     append_record(tmp_path / "dnc", record("20260101T000000-1"))
     assert "a.mpf" in CliRunner().invoke(program, ["jobs", "--verify"]).stdout
-    assert json.loads(CliRunner().invoke(program, ["jobs", "20260101"]).stdout)["jobs"][0]["outcome"] == "SENT"
+    one = ["jobs", "20260101"]
+    assert json.loads(CliRunner().invoke(program, [*one, "--json"]).stdout)["jobs"][0]["outcome"] == "SENT"
+    page = dict(line.split(maxsplit=1) for line in CliRunner().invoke(program, one).stdout.splitlines())
+    assert (page["outcome"], page["program"]) == ("SENT", "a.mpf")

@@ -62,6 +62,8 @@ def test_compensation_takes_the_radius_it_was_given_and_says_where_to_name_it() 
     cut = Cable(program, tool_radii_mm={1: 4.0}).run(30.0)
     assert alarm_numbers(cut) == []
     assert cut.is_completed
+    named = Cable(program.replace(b"T1", b'T="MILL1"'), tool_radii_mm={1: 4.0}).run(30.0)
+    assert "MILL1" in named.mill.alarms[0][1].text
     assert any((move.end[0], move.end[1]) == pytest.approx((20.0, 4.0), abs=0.2) for move in cut.mill.machine.travelled)
 
 
