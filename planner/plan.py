@@ -78,6 +78,7 @@ def plan_job(
         job = msgspec.structs.replace(job, post=msgspec.structs.replace(job.post, **post))
     with _naming_lines(job_path, post or {}):
         operation = _only_operation(job, job_path)
+        _check_digits(operation, control)
         patch = _only_patch(job_path.parent / job.part.surface)
         begin = time.perf_counter()
         if travel_mm is not None:
@@ -127,6 +128,19 @@ def coarse_mm(control: ControlLimits) -> float:
     """How far rounding to the digits that the control reads moves a point at most; 0 where it reads any number."""
     unit_mm = INCH_MM if control.is_inch else 1.0
     return 0.0 if control.decimals is None else 0.5 * 3**0.5 * unit_mm * 10.0**-control.decimals
+
+
+def _check_digits(operation: Operation, control: ControlLimits) -> None:
+    """Raises InputRejected where one step of the numbers that the control reads is more than path_mm."""
+    if control.decimals is None:
+        return
+    step_mm = (INCH_MM if control.is_inch else 1.0) * 10.0**-control.decimals
+    if operation.path_mm < step_mm * (1 - 1e-9):
+        reads = f"{control.decimals} decimals" + (" of an inch" if control.is_inch else "")
+        what = (
+            f"path_mm {operation.path_mm:g} is less than {step_mm:g} mm, one step of the {reads} that the control reads"
+        )
+        raise InputRejected(what, remedy="give path_mm no less than that", key=("operation", 0, "path_mm"))
 
 
 def fit_path_mm(operation: Operation, control: ControlLimits) -> float:
