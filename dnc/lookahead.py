@@ -1,20 +1,30 @@
 """Where execution may still stand when a control has read up to some byte: its look-ahead, counted in blocks that move.
 
-Comments, blank lines and blocks that only set something take no place in a look-ahead, however many lie between two
-moves. What may or may not move here is taken for one that does not: the window then is too wide, never too narrow.
+Comments, blank lines, blocks that only set something and blocks that lead where the axes stand already take no place in
+a look-ahead, however many lie between two moves; of a run of splines it holds the spans, which are fewer than its
+blocks. What may or may not move here is taken for one that does not: the window is too wide, never too narrow.
 """
 
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 from dnc.tape import Tape
 
 _CHUNK_BYTES = 4096
 _RUN_BYTES = 1_000_000
+_RUN_LEAD = 2
+"""A B-spline of degree 3 has so many spans fewer than blocks; blocks with PL=0 are none either."""
+_BEHIND_RUN = 2
+_WAITING_BLOCKS = 10_000
 _ASIDE = re.compile(rb'"[^"]*"?|\([^()]*\)|[;(].*')
 _AXIS = re.compile(rb"(?<![A-Z_$\[])[ABCIJKUVWXYZ]\s*[-+.=\d]|PO\[", re.IGNORECASE)
+_AXIS_WORD = re.compile(rb"(?<![A-Z_$\[])([ABCUVWXYZ])\s*(=[^\sA-Z]+|=[A-Z]+\([^()]*\)|[-+]?[.\d]+)", re.IGNORECASE)
+_CERTAIN = re.compile(rb"(?<![A-Z_$\[])[IJK]\d?\s*[-+.=\d]|PO\[", re.IGNORECASE)
+_NO_SPAN = re.compile(rb"(?<![A-Z_])PL\s*=\s*0*\.?0*(?![.\d])", re.IGNORECASE)
 _CODE = re.compile(rb"(?<![A-Z_])(?:(?:[ABC]SPLINE|POLY|CIP|CT|INVCC?W)(?![A-Z\d])|G0*[0-3](?![\d.]))", re.IGNORECASE)
 _STAYS = re.compile(rb"^\s*/|G0*(?:4|10|25|26|5\d|68|69|92)(?!\d)", re.IGNORECASE)
 _WORD = re.compile(rb"[A-Z_$]{2,}", re.IGNORECASE)
@@ -26,21 +36,77 @@ _OF_MOVES = frozenset(
 def first_unsure_line(tape: Tape, read_bytes: int, blocks: int) -> int:
     """The line of the last move but so many before the line of byte `read_bytes`; 1 if there are not so many.
 
-    Within a run of splines the line where it begins: a control may read the run to its end before it moves. Lines count
-    from 1. Reads backwards piece by piece, so that its time depends on the answer and on one megabyte before it alone.
+    Within a run of splines the line where it begins: a control may read the run to its end before it moves. So a run
+    takes no place in its look-ahead until a move behind the one that ends it is read too. Lines count from 1. Reads
+    backwards piece by piece, so that its time depends on the answer and on one megabyte before it alone.
     """
     begin = tape.lines.line_at(tape, read_bytes)
-    first, limit = 0, 0
-    for line, at, text in _lines_before(tape, begin):
-        if not first:
-            blocks -= moves(text)
-            first, limit = (line, at - _RUN_BYTES) if blocks <= 0 else (0, 0)
-        code = _CODE.findall(_ASIDE.sub(b"", text)) if first else []
+    first, limit, run_blocks, zero_blocks, behind_blocks = 0, 0, 0, 0, 0
+    for block in _blocks_before(tape, begin):
+        run_blocks += bool(block.is_move)
+        zero_blocks += block.is_move is not None and _NO_SPAN.search(block.text) is not None
+        if not first and run_blocks >= blocks:
+            first, limit = block.line, block.at - _RUN_BYTES
+        code = _CODE.findall(block.text)
         if code:
-            return line if code[-1].upper().endswith(b"SPLINE") else first
-        if at < limit:
+            if code[-1].upper().endswith(b"SPLINE"):
+                first = 0
+                is_read_whole = behind_blocks >= _BEHIND_RUN
+                run_blocks = max(0, run_blocks - max(_RUN_LEAD, zero_blocks)) if is_read_whole else 0
+            if run_blocks >= blocks:
+                return first or block.line
+            blocks -= run_blocks
+            behind_blocks += run_blocks
+            run_blocks, zero_blocks = 0, 0
+        if first and block.at < limit:
             break
     return first or 1
+
+
+@dataclass(slots=True)
+class _Block:
+    """A line, where the piece read with it begins, its words without comments and texts.
+
+    `is_move` is None where nothing moves by its words; else whether an axis is known to go elsewhere than it was, which
+    waits for the words of `unknown_axes` in blocks before.
+    """
+
+    line: int
+    at: int
+    text: bytes
+    is_move: bool | None = None
+    values: dict[bytes, float | bytes] = field(default_factory=dict)
+    unknown_axes: int = 0
+
+
+def _blocks_before(tape: Tape, line: int) -> Iterator[_Block]:
+    """The blocks before this line, the last first; a block that leads where the axes stand already is no move."""
+    waiting: deque[_Block] = deque()
+    newest: dict[bytes, _Block] = {}
+    for number, at, text in _lines_before(tape, line):
+        block = _Block(number, at, _ASIDE.sub(b"", text))
+        if moves(text):
+            block.is_move = _CERTAIN.search(block.text) is not None
+            block.values = {axis.upper(): _value(value) for axis, value in _AXIS_WORD.findall(block.text)}
+            block.unknown_axes = len(block.values)
+            for axis, value in block.values.items():
+                later = newest.get(axis)
+                if later is not None:
+                    later.is_move = later.is_move or later.values[axis] != value
+                    later.unknown_axes -= 1
+                newest[axis] = block
+        waiting.append(block)
+        while waiting and (waiting[0].is_move or not waiting[0].unknown_axes or len(waiting) > _WAITING_BLOCKS):
+            yield waiting.popleft()
+    yield from waiting
+
+
+def _value(text: bytes) -> float | bytes:
+    """What an axis word says, to be compared with another."""
+    try:
+        return float(text.replace(b"=", b""))
+    except ValueError:
+        return text
 
 
 def _lines_before(tape: Tape, line: int) -> Iterator[tuple[int, int, bytes]]:

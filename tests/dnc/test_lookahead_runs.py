@@ -1,0 +1,64 @@
+"""What a look-ahead can hold, against the interpreter: no spline block without a span, no move to nowhere (5.7)."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from dnc.lookahead import first_unsure_line
+from sim.interpreter import canon
+from sim.interpreter.run import Interpreter
+from tests.helpers.line import tape_of
+
+HEAD = [b"G17 G54 G64 G90", b"T2 M6", b"D1", b"S1000 M3", b"G0 X0 Y0 Z50"]
+BLOCKS = 12
+MOTIONS = canon.Line | canon.Rapid | canon.Arc | canon.Polynomial
+PL = b" PL=%d"
+
+
+def a_pass(number: int, code: bytes, interval: bytes, points: int) -> list[bytes]:
+    """As the planner writes one: down, a run, up."""
+    start, end = (0, points) if number % 2 else (points, 0)
+    run = [b"X%d Z%d" % (start + (end - start) * at // points, -1 - at % 2) for at in range(1, points + 1)]
+    if interval:
+        run = [text + interval % (0 if at in (0, points - 1) else 25) for at, text in enumerate(run)]
+    return [b"G0 X%d Y%d" % (start, number), b"G1 G9 Z-1 F100", code + b" " + run[0], *run[1:], b"G0 Z10"]
+
+
+def executing_before(lines: list[bytes], blocks: int) -> list[int]:
+    """For so many lines read, from 0: the line that a control may still execute, which reads on while it has room."""
+    interpreter, moved, found = Interpreter(), [0], [1]
+    for number, line in enumerate(lines, 1):
+        found.append(max(1, moved[-blocks + 1] if len(moved) >= blocks else 1))
+        commands = interpreter.block(line, number)
+        moved += [one.line for one in commands if isinstance(one, MOTIONS)]
+    return found
+
+
+@pytest.mark.parametrize("points", [6, 9])
+@pytest.mark.parametrize(("code", "interval"), [(b"BSPLINE", PL), (b"BSPLINE", b""), (b"CSPLINE", b""), (b"G1", b"")])
+def test_no_line_of_a_spline_is_executed_that_a_full_look_ahead_may_hold(
+    tmp_path: Path, code: bytes, interval: bytes, points: int
+) -> None:
+    """(5.7) Each block counted as a place: of planned B-splines a line was executed that still lay before the tool."""
+    lines = [*HEAD, *(text for number in range(1, 9) for text in a_pass(number, code, interval, points))]
+    with closing(tape_of(tmp_path, b"\n".join([*lines, b"M30"]) + b"\n")) as tape:
+        for read, executing in enumerate(executing_before(lines, BLOCKS)):
+            first = first_unsure_line(tape, tape.lines.offset_of(tape, read + 1), BLOCKS)
+            assert first <= executing
+        assert first > len(lines) - 5 * (points + 3)
+
+
+@pytest.mark.parametrize("nowhere", [b"X%d", b"G1 X%d.0 Y0", b"X=%d", b"G0 Z50"])
+def test_a_move_to_where_the_axes_stand_takes_no_place_in_a_look_ahead(tmp_path: Path, nowhere: bytes) -> None:
+    """(5.7) A CAM system's doubled points filled it: lines were executed that still lay before the tool."""
+    lines = list(HEAD)
+    for number in range(1, 41):
+        lines += [b"G1 X%d F250" % number, *[nowhere % number if b"%" in nowhere else nowhere] * 3]
+    with closing(tape_of(tmp_path, b"\n".join([*lines, b"M30"]) + b"\n")) as tape:
+        for read, executing in enumerate(executing_before(lines, BLOCKS)):
+            first = first_unsure_line(tape, tape.lines.offset_of(tape, read + 1), BLOCKS)
+            assert first <= executing
+        assert first > len(lines) - 4 * (BLOCKS + 2)
