@@ -12,7 +12,7 @@ from dnc.handshake import Cause
 from dnc.names import JobNames
 from dnc.port import Port
 from dnc.profile import MachineProfile
-from dnc.record import InDoubt, alarm_values, block_number, in_doubt, line_text, own_line
+from dnc.record import InDoubt, alarm_values, block_number, doubt_of, line_text, own_line
 from dnc.sender import Sender
 
 SCHEMA = "dripmill.job"
@@ -36,7 +36,7 @@ class JobView:
         sender, tape = self.sender, self.sender.tape
         now_s = time.monotonic()
         offset, tally = sender.offset_bytes, sender.tally
-        doubt = in_doubt(tape, offset, sender.clock.inflight_bytes(now_s), self.profile.control)
+        doubt = doubt_of(sender, self.profile.control)
         line = doubt.last if doubt else 0
         elapsed_s = now_s - tally.first_s if tally.first_s is not None else 0.0
         return {
