@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import hashlib
 import json
 import os
@@ -60,7 +61,7 @@ def in_doubt(
 
 
 def doubt_of(sender: Sender, control: Control) -> InDoubt | None:
-    """The window of a job that has ended.
+    """The window of a job as it stands, or as it has ended.
 
     After an alarm or a reset nobody knows how much of what was sent the control took: its buffer may have run over.
     What it had executed when it last said XON is certain, unless noise came too: an XON may have been noise.
@@ -161,13 +162,15 @@ def alarm_values(alarm: Alarm) -> dict[str, str]:
 def append_record(folder: Path, record: dict[str, Any]) -> None:
     """Add one job to `records.jsonl`; each line carries the hash of the line before, so that gaps show.
 
-    A line torn by a power cut or a full disk is taken away, here or by the next job. Raises OSError.
+    A line torn by a power cut or a full disk is taken away, here or by the next job. Jobs on other ports that end at
+    the same moment wait for each other. Raises OSError.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "records.jsonl"
-    previous = last_line(path)
-    chained = {**record, "previous": hashlib.sha256(previous).hexdigest() if previous else ""}
     with path.open("ab", buffering=0) as file:
+        fcntl.flock(file, fcntl.LOCK_EX)  # let go of by closing
+        previous = last_line(path)
+        chained = {**record, "previous": hashlib.sha256(previous).hexdigest() if previous else ""}
         whole_bytes = _whole_bytes(path)
         file.truncate(whole_bytes)
         line = json.dumps(chained).encode() + b"\n"
