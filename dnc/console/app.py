@@ -80,6 +80,7 @@ class Console(App[None], inherit_bindings=False):
         self.monitor = StatusMonitor(modbus)
         self.alarms = AlarmList()
         self.question = ""
+        self._asked_of: object = None
         self.notice = ""
         self.is_help = False
         self._rest = ""
@@ -111,21 +112,25 @@ class Console(App[None], inherit_bindings=False):
         self.redraw_face()
 
     def on_key(self, event: Key) -> None:
-        """A waiting question takes the next key, whatever it is; else the key does what it is for."""
+        """A waiting question takes the next key, whatever it is; else the key does what it is for.
+
+        What was asked of one job is not done to another one that is shown by now.
+        """
         event.stop()
         if self.question:
             what, self.question = self.question, ""
             if event.key == _QUESTIONS[what][0]:
-                self.order(what)
+                self.order(what, self._asked_of)
             else:
                 self.notice = f"no {what}"
         else:
             self._do(_KEYS.get(event.key, ""))
         self.redraw_face()
 
-    def order(self, what: str) -> None:
-        """Ask the job's process."""
-        self.notice = f"asked the job: {what}" if self.watcher.order(what) else f"no {what}: there is no job to ask"
+    def order(self, what: str, job: object) -> None:
+        """Ask this job's process."""
+        why = "there is no job to ask" if job in (None, self.watcher.job) else "another job is shown now"
+        self.notice = f"asked the job: {what}" if self.watcher.order(what, job) else f"no {what}: {why}"
 
     def _do(self, verb: str) -> None:
         self.notice = "" if verb else self.notice
@@ -133,9 +138,9 @@ class Console(App[None], inherit_bindings=False):
             case "help":
                 self.is_help = not self.is_help
             case "hold":
-                self.order("pause")
+                self.order("pause", self.watcher.job)
             case "resume" | "abort":
-                self.question = verb
+                self.question, self._asked_of = verb, self.watcher.job
             case "acknowledge":
                 self.alarms.acknowledge()
             case "leave":

@@ -37,6 +37,7 @@ class JobWatcher:
         self._monotonic = monotonic
         self._snapshot: dict[str, Any] | None = None
         self._read_s = 0.0
+        self._followed: object = None
         self._writer: asyncio.StreamWriter | None = None
         self._heard = asyncio.Event()
 
@@ -44,7 +45,12 @@ class JobWatcher:
         """What is known of the job; None if there never was one."""
         if self._snapshot is None:
             return None
-        return JobReading(self._snapshot, self._monotonic() - self._read_s, self._writer is not None)
+        return JobReading(self._snapshot, self._monotonic() - self._read_s, self._followed is not None)
+
+    @property
+    def job(self) -> object:
+        """The id of the job that is known and publishes now; None without one."""
+        return self._followed
 
     async def wait_for_snapshot(self, timeout_s: float) -> None:
         """Until the next snapshot has come."""
@@ -52,9 +58,9 @@ class JobWatcher:
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._heard.wait(), timeout_s)
 
-    def order(self, what: str) -> bool:
-        """Take the lease and give an order (pause, resume, abort); False without a job to give it to."""
-        if self._writer is None:
+    def order(self, what: str, job: object) -> bool:
+        """Take the lease and give an order (pause, resume, abort) to this job; False if it is not there any more."""
+        if self._writer is None or job is None or job != self._followed:
             return False
         self.answer = ""
         for verb in ("lease", what, "release"):
@@ -79,7 +85,7 @@ class JobWatcher:
         except ValueError:
             return
         finally:
-            self._writer = None
+            self._writer = self._followed = None
             writer.close()
 
     def _hear(self, line: bytes) -> None:
@@ -93,7 +99,7 @@ class JobWatcher:
             if values["answer"] != "ok":
                 self.answer = str(values.get("why", "refused"))
             return
-        self._snapshot, self._read_s = values, self._monotonic()
+        self._snapshot, self._read_s, self._followed = values, self._monotonic(), values.get("job")
         self._heard.set()
 
 

@@ -21,6 +21,7 @@ from sim.control import Execution
 from sim.panel import Panel, discrete_inputs, input_registers
 
 SNAPSHOT: dict[str, Any] = {
+    "job": "20261122T000000-1",
     "state": "SENDING", "program": "/programs/FINISH_A.MPF", "sha256": "0" * 64, "link": "OPEN", "baud": 9600,
     "simulated": False, "bytes_total": 4000, "bytes_sent": 1000, "line_sent": 30, "in_doubt": [5, 30],
     "window": [
