@@ -40,7 +40,7 @@ class Lease:
         try:
             values = json.loads(line)
             wanted = values["do"]
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             return {"answer": "refused", "why": 'an order is one line such as {"do": "pause"}'}
         if wanted == "lease":
             if self._holder not in (None, watcher):

@@ -116,7 +116,7 @@ class Publisher:
         if not data or len(pending) > _ORDER_MAX_BYTES:
             self._drop(watcher)
             return
-        while (end := pending.find(b"\n")) >= 0:
+        while watcher in self._watchers and (end := pending.find(b"\n")) >= 0:
             answer = self._lease.order(id(watcher), bytes(pending[:end]))
             del pending[: end + 1]
             self._send(watcher, answer)
