@@ -31,6 +31,10 @@ from dnc.tape import Tape
 from planner.job import Job
 
 
+_ENDED = frozenset({"SENT", "ABORTED", "FAULTED"})
+"""What only the record says more of: after an alarm of the control the journal's bytes prove nothing."""
+
+
 @dataclass(frozen=True, slots=True)
 class Plan:
     """A restart: the point, the program that begins with its preamble, and how its lines map to the first program's.
@@ -222,6 +226,10 @@ def _stopped_job(tape: Tape, machine: str, port: str | None, *, is_forced: bool)
 def _lines_in_doubt(last: PastJob, tape: Tape, profile: MachineProfile) -> tuple[int, int]:
     """The first and the last line of this program that the stopped job may or may not have executed."""
     if last.outcome == "INTERRUPTED":
+        if last.values.get("state") in _ENDED:
+            what = f"the stopped job {last.job} ended {last.values['state']}, but its record could not be written"
+            remedy = "how far the control came only it knows; use --start-at and the block that it shows"
+            raise JournalMismatch(f"{what}; {remedy}")
         if last.values.get("framing", framing_of(profile.tape)) != framing_of(profile.tape):
             what = (
                 f"the stopped job {last.job} was sent with other block ends, leader or trailer than the profile has now"
