@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from dnc.errors import SettingsRejected
-from dnc.job import pace_of
+from dnc.line_pace import pace_of
 from dnc.port import Flow, Port
 from dnc.priority import may_go_first
 from dnc.profile import MachineProfile

@@ -21,16 +21,9 @@ from dnc.eventlog import EventLog, Listener
 from dnc.events import JobState, Severity
 from dnc.handshake import Cause
 from dnc.journal import Journal
+from dnc.line_pace import pace_of
 from dnc.names import JobNames
-from dnc.pacing import (
-    ByteClock,
-    Pace,
-    answer_delay_s,
-    bits_per_byte,
-    default_inflight_bytes,
-    default_lag_s,
-    default_slack,
-)
+from dnc.pacing import ByteClock
 from dnc.places import runtime_folder, state_folder, write_whole
 from dnc.port import Flow, Port
 from dnc.priority import Punctuality, on_time
@@ -58,20 +51,6 @@ class Finished:
     cause: Cause
     exit_code: int
     sentence: str
-
-
-def pace_of(profile: MachineProfile) -> Pace:
-    """The measure of this line."""
-    link = profile.link
-    inflight = link.inflight_max_bytes or default_inflight_bytes(
-        link.baud, link.format, profile.control.xoff_free_bytes
-    )
-    byte_s = bits_per_byte(link.format) / link.baud
-    lag_s, slack = default_lag_s(link.baud), default_slack(link.baud)
-    char_delay_s = link.char_delay_s
-    if link.handshake == "xonxoff":
-        char_delay_s = max(char_delay_s, answer_delay_s(byte_s, profile.control.xoff_free_bytes))
-    return Pace(byte_s, inflight, lag_s, slack, char_delay_s, link.line_delay_s)
 
 
 def rules_of(link: Link) -> Rules:

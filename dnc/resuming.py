@@ -19,6 +19,7 @@ from dnc.control_side import decimals_of, refuse_other_dialect, settings_of
 from dnc.device_names import device_of, identity_of
 from dnc.errors import InputRejected, JournalMismatch, OperatorAbort, PortUnavailable
 from dnc.joblist import PastJob, past_jobs
+from dnc.line_pace import pace_of
 from dnc.places import state_folder
 from dnc.port import Port
 from dnc.preamble import Heights
@@ -29,7 +30,6 @@ from dnc.restart import RestartPoint, restart_at_line, restart_at_number
 from dnc.sidecar import Point, Sidecar, State, load_sidecar
 from dnc.tape import Tape
 from planner.job import Job
-
 
 _ENDED = frozenset({"SENT", "ABORTED", "FAULTED"})
 """What only the record says more of: after an alarm of the control the journal's bytes prove nothing."""
@@ -147,16 +147,20 @@ def confirm(plan: Plan, *, is_yes: bool) -> None:
         raise OperatorAbort("not confirmed; nothing was sent")
 
 
-def doubt_of_interrupted(values: dict[str, Any], tape: Tape, control: Control) -> tuple[int, int]:
+def doubt_of_interrupted(
+    values: dict[str, Any], tape: Tape, control: Control, *, inflight_bytes: int = 0
+) -> tuple[int, int]:
     """The lines of this tape that a job which ended without a word left in doubt, from the bytes in its journal.
 
+    So many of the last bytes may have been lost on their way: what a killed process or a power cut leaves in the queues
+    below never reaches the control.
     A restarted job sent the end of this tape behind a preamble, so its bytes are counted from the end.
     """
     restart = values.get("restart")
     begin = int(restart["line"]) if isinstance(restart, dict) else 1
     ahead = int(values["bytes_total"]) - tape.size_bytes if isinstance(restart, dict) else 0
     sent, bound = (int(values.get(key, 0)) - ahead for key in ("bytes_sent", "bound_bytes"))
-    low, high = in_doubt(tape, sent, 0, control), in_doubt(tape, max(sent, bound), 0, control)
+    low, high = in_doubt(tape, sent, inflight_bytes, control), in_doubt(tape, max(sent, bound), 0, control)
     return max(begin, low.first if low else 1), max(begin, high.last if high else 1)
 
 
@@ -236,7 +240,8 @@ def _lines_in_doubt(last: PastJob, tape: Tape, profile: MachineProfile) -> tuple
             )
             remedy = "its bytes lie in other lines; put the profile's [tape] back, or use --start-at"
             raise JournalMismatch(f"{what}; {remedy}")
-        return doubt_of_interrupted(last.values, tape, profile.control)
+        inflight_bytes = pace_of(profile).inflight_max_bytes
+        return doubt_of_interrupted(last.values, tape, profile.control, inflight_bytes=inflight_bytes)
     first, end = last.values.get("in_doubt") or (1, 1)
     restart = last.values.get("restart")
     if not isinstance(restart, dict):

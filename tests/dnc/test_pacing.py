@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from dnc.forewarning import line_warnings
-from dnc.job import pace_of
+from dnc.line_pace import pace_of
 from dnc.pacing import ByteClock, Pace
 from dnc.profile import load_profile
 from dnc.shipped import shipped_path
