@@ -19,7 +19,7 @@ _RUN_BYTES = 1_000_000
 _RUN_LEAD = 2
 """A B-spline of degree 3 has so many spans fewer than blocks; blocks with PL=0 are none either."""
 _BEHIND_RUN = 2
-_WAITING_BLOCKS = 10_000
+_WAITING_BLOCKS = 1000
 _ASIDE = re.compile(rb'"[^"]*"?|\([^()]*\)|[;(].*')
 _AXIS = re.compile(rb"(?<![A-Z_$\[])[ABCIJKUVWXYZ]\s*[-+.=\d]|PO\[", re.IGNORECASE)
 _AXIS_WORD = re.compile(rb"(?<![A-Z_$\[])([ABCUVWXYZ])\s*(=[^\sA-Z]+|=[A-Z]+\([^()]*\)|[-+]?[.\d]+)", re.IGNORECASE)
@@ -40,32 +40,64 @@ def first_unsure_line(tape: Tape, read_bytes: int, blocks: int) -> int:
     takes no place in its look-ahead until a move behind the one that ends it is read too. Lines count from 1. Reads
     backwards piece by piece, so that its time depends on the answer and on one megabyte before it alone.
     """
-    begin = tape.lines.line_at(tape, read_bytes)
-    first, limit, run_blocks, zero_blocks, behind_blocks = 0, 0, 0, 0, 0
-    for block in _blocks_before(tape, begin):
-        run_blocks += bool(block.is_move)
-        zero_blocks += block.is_move is not None and _NO_SPAN.search(block.text) is not None
-        if not first and run_blocks >= blocks:
-            first, limit = block.line, block.at - _RUN_BYTES
-        code = _CODE.findall(block.text)
-        if code:
-            if code[-1].upper().endswith(b"SPLINE"):
-                first = 0
-                is_read_whole = behind_blocks >= _BEHIND_RUN
-                run_blocks = max(0, run_blocks - max(_RUN_LEAD, zero_blocks)) if is_read_whole else 0
-            if run_blocks >= blocks:
-                return first or block.line
-            blocks -= run_blocks
-            behind_blocks += run_blocks
-            run_blocks, zero_blocks = 0, 0
-        if first and block.at < limit:
-            break
-    return first or 1
+    line, behind_blocks = tape.lines.line_at(tape, read_bytes), 0
+    while True:
+        run = _run_before(tape, line, blocks)
+        if not run.begin:
+            return run.enough_from or 1
+        counted = run.blocks
+        if run.is_spline:
+            counted = max(0, counted - max(_RUN_LEAD, run.zero_blocks)) if behind_blocks >= _BEHIND_RUN else 0
+        if counted >= blocks:
+            return run.begin if run.is_spline else run.enough_from
+        blocks -= counted
+        behind_blocks += run.blocks
+        line = run.begin
+
+
+@dataclass(slots=True)
+class _Run:
+    """The blocks down to the one with a code of motion, in line `begin` (0: not found); where so many are enough.
+
+    Of a run that holds far more than enough, not all are counted.
+    """
+
+    blocks: int = 0
+    zero_blocks: int = 0
+    enough_from: int = 0
+    begin: int = 0
+    is_spline: bool = False
+
+
+def _run_before(tape: Tape, line: int, enough: int) -> _Run:
+    run = _Run()
+    for block in _blocks_before(tape, line):
+        run.blocks += bool(block.is_move)
+        run.zero_blocks += block.is_move is not None and _NO_SPAN.search(block.text) is not None
+        if not run.enough_from and run.blocks >= enough:
+            run.enough_from = block.line
+        if _noted(run, block.line, block.text):
+            return run
+        if run.blocks >= enough + max(_RUN_LEAD, run.zero_blocks):
+            limit = block.at - _RUN_BYTES
+            for number, at, text in _lines_before(tape, block.line):
+                if _noted(run, number, _ASIDE.sub(b"", text)) or at < limit:
+                    return run
+            return run
+    return run
+
+
+def _noted(run: _Run, line: int, text: bytes) -> bool:
+    """Whether a code of motion stands in this block: the run begins here."""
+    code = _CODE.findall(text)
+    if code:
+        run.begin, run.is_spline = line, code[-1].upper().endswith(b"SPLINE")
+    return bool(code)
 
 
 @dataclass(slots=True)
 class _Block:
-    """A line, where the piece read with it begins, its words without comments and texts.
+    """A line, where the piece that was read with it begins, its words without comments and texts.
 
     `is_move` is None where nothing moves by its words; else whether an axis is known to go elsewhere than it was, which
     waits for the words of `unknown_axes` in blocks before.
