@@ -71,7 +71,7 @@ def _records(state: Path) -> list[dict[str, Any]]:
             values = json.loads(line)
         except ValueError:
             continue
-        if isinstance(values, dict) and {"job", "outcome"} <= values.keys():
+        if isinstance(values, dict) and all(isinstance(values.get(key), str) for key in ("job", "outcome")):
             records.append(values)
     return records
 
@@ -80,7 +80,8 @@ def _unrecorded(journal: Path) -> PastJob:
     job = journal.parent.name
     about: dict[str, Any] = {}
     with contextlib.suppress(OSError, ValueError):
-        about = json.loads((journal.parent / "job.json").read_text())
+        found = json.loads((journal.parent / "job.json").read_text())
+        about = found if isinstance(found, dict) else {}
     try:
         last = read_journal(journal)[-1]
     except JournalMismatch as problem:

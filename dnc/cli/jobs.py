@@ -54,9 +54,9 @@ def command(job: str | None, verify: bool, as_json: bool) -> None:
 
 def _sent(past: PastJob) -> str:
     values = past.values
-    sent = f"{values.get('bytes_sent', '?')}"
-    if values.get("bound_bytes", 0) > values.get("bytes_sent", 0):  # what had left when the process was killed
-        sent += f" to {min(values['bound_bytes'], values.get('bytes_total', values['bound_bytes']))}"
+    sent, bound = values.get("bytes_sent", "?"), values.get("bound_bytes", 0)
+    if isinstance(sent, int) and isinstance(bound, int) and bound > sent:  # what had left when it was killed
+        sent = f"{sent} to {min(bound, values.get('bytes_total', bound))}"
     return f"{sent}/{values.get('bytes_total', '?')} bytes"
 
 
@@ -70,13 +70,15 @@ def _page(past: PastJob) -> Iterator[tuple[str, str]]:
         if values.get(name):
             yield name, str(values[name])
     yield "sent", _sent(past)
-    if "elapsed_s" in values:
-        used = f", {100 * values['utilisation']:.1f} % of the line while not held" if "utilisation" in values else ""
-        yield "time", f"{values['elapsed_s']:.1f} s, held {values['held_s']:.1f} s by {values['xoff_count']} XOFF{used}"
-    if isinstance(values.get("in_doubt"), list):
-        first, last = values["in_doubt"]
-        yield "in doubt", f"lines {first} to {last} of what was sent"
+    match [values.get(key) for key in ("elapsed_s", "held_s", "xoff_count", "utilisation")]:
+        case [int() | float() as elapsed_s, int() | float() as held_s, int() as count, int() | float() as used]:
+            held = f"held {held_s:.1f} s by {count} XOFF, {100 * used:.1f} % of the line while not held"
+            yield "time", f"{elapsed_s:.1f} s, {held}"
+    match values.get("in_doubt"):
+        case [first, last]:
+            yield "in doubt", f"lines {first} to {last} of what was sent"
     if isinstance(values.get("restart"), dict):
         yield "restart", f"at line {values['restart'].get('line', '?')} of the program"
     for alarm in values.get("alarms") or ():
-        yield alarm.get("id", "alarm"), f"{alarm.get('text', '')}; {alarm.get('remedy', '')}"
+        if isinstance(alarm, dict):
+            yield str(alarm.get("id", "alarm")), f"{alarm.get('text', '')}; {alarm.get('remedy', '')}"
