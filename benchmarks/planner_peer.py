@@ -22,10 +22,10 @@ import numpy as np
 from benchmarks.planner_speed import fixed
 from dnc.shipped import shipped_path
 from planner.path.model import Array, PlaneSpline
+from planner.path.newton import locate
 from planner.path.peaks import Ground
 from planner.path.spline_table import SplineTable
 from planner.path.strategy.parallel import Wishes, prepare
-from planner.path.trace import locate
 from planner.shapes import shape_passes
 from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch

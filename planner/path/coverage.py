@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.path.border import Border
+from planner.path.newton import locate
 from planner.path.offset import OffsetPoints, OffsetSurface
 from planner.path.scallop import CuspGuess, Cusps, Held, Reaches, solve_cusps, solve_reaches
 from planner.path.seeds import Seeds
-from planner.path.trace import locate
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -103,6 +103,6 @@ def searched_height(layout: Layout, plane_mm: float, u: float, v: float) -> floa
 
 
 def located(layout: Layout, target: np.ndarray, guess: np.ndarray) -> np.ndarray:
-    from planner.path.trace import locate
+    from planner.path.newton import locate
 
     return locate(layout.ground.surface, target, guess, residual_mm=1e-11, steps=40)[1].centre
