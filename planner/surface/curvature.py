@@ -74,26 +74,54 @@ def least_curvature(points: SurfacePoints, side: int) -> Array:
 
 
 def lowest(survey: Survey, measure: Measure, *, rounds: int) -> Lowest:
-    """The smallest value of a measure: the survey's grid, then `rounds` finer grids about the lowest point.
+    """The smallest value of a measure: the survey's grid, then `rounds` finer grids about its lowest hollows.
 
+    A hollow is followed as long as a parabola through it and its neighbours, twice as deep, could be the lowest of all.
     A value that is not a number counts as the lowest of all.
     """
-    u, v, points = survey.u, survey.v, survey.points
-    half_u, half_v = float(np.diff(u).max()), float(np.diff(v).max())
     (u_low, u_high), (v_low, v_high) = survey.patch.domain
-    best = Lowest(np.inf, u_low, v_low)
-    for _ in range(rounds + 1):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            values = measure(points)
-        values = np.where(np.isnan(values), -np.inf, values)
-        row, column = np.unravel_index(int(np.argmin(values)), (len(u), len(v)))
-        if values.min() < best.value:
-            best = Lowest(float(values.min()), float(u[row]), float(v[column]))
-        u = np.clip(np.linspace(best.u - half_u, best.u + half_u, 9), u_low, u_high)
-        v = np.clip(np.linspace(best.v - half_v, best.v + half_v, 9), v_low, v_high)
-        points = survey.patch.evaluate(*(part.ravel() for part in np.meshgrid(u, v, indexing="ij")))
+    half_u, half_v = float(np.diff(survey.u).max()), float(np.diff(survey.v).max())
+    values = _measured(measure, survey.points).reshape(len(survey.u), len(survey.v))
+    rows, columns = _hollows(values)
+    best_u, best_v, best = survey.u[rows], survey.v[columns], values[rows, columns]
+    steps = np.linspace(-1.0, 1.0, 9)
+    for _ in range(rounds):
+        u = np.clip(best_u[:, None, None] + half_u * steps[:, None], u_low, u_high) + 0 * steps
+        v = np.clip(best_v[:, None, None] + half_v * steps, v_low, v_high) + 0 * steps[:, None]
+        finer = _measured(measure, survey.patch.evaluate(u.ravel(), v.ravel())).reshape(len(best), -1)
+        at = np.argmin(finer, axis=1)
+        hollow = np.arange(len(best))
+        is_lower = finer[hollow, at] < best
+        best = np.where(is_lower, finer[hollow, at], best)
+        best_u = np.where(is_lower, u.reshape(len(best), -1)[hollow, at], best_u)
+        best_v = np.where(is_lower, v.reshape(len(best), -1)[hollow, at], best_v)
         half_u, half_v = half_u / 4, half_v / 4
-    return best
+    lowest_of_all = int(np.argmin(best))
+    return Lowest(float(best[lowest_of_all]), float(best_u[lowest_of_all]), float(best_v[lowest_of_all]))
+
+
+def _measured(measure: Measure, points: SurfacePoints) -> Array:
+    """The measure (m,) at these points; what is not a number is lower than all."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = measure(points)
+    return np.where(np.isnan(values), -np.inf, values)
+
+
+def _hollows(values: Array, most: int = 64) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns (k,) of grid values (n, k) below all around that could be the lowest between samples.
+
+    Of all that could, the `most` lowest, the very lowest first.
+    """
+    padded = np.pad(values, 1, constant_values=np.inf)
+    rows, columns = values.shape
+    around = np.stack([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3) if (i, j) != (1, 1)])
+    # A parabola with its samples a step apart falls below the lowest by an eighth of their second difference at most.
+    rise = np.where(np.isfinite(around), around, -np.inf).max(axis=0) - values
+    could_be = values - rise / 2
+    is_hollow = (values <= around.min(axis=0)) & ~(could_be > values.min())
+    at = np.flatnonzero(is_hollow | (values == values.min()))
+    at = at[np.argsort(values.ravel()[at], kind="stable")][:most]
+    return np.unravel_index(at, values.shape)[0], np.unravel_index(at, values.shape)[1]
 
 
 def span_places(basis: SpanBasis, a_span: int) -> Array:
