@@ -1,7 +1,8 @@
-"""Places of the border that one of the two passes beside them cannot reach: the other alone decides their height.
+"""Places of the border where one of the two passes beside them alone decides the height.
 
-A patch carried on beyond its border may fold, and the pass that would come from there ends. Cusp lines end at points
-that both passes leave equally high, and there are none at such places: their scallop must be seen in another way.
+A patch carried on beyond its border may fold, and the pass that would come from there ends; or a corner stands out into
+a gap, nearer to one pass all around. Cusp lines end at points that both passes leave equally high, and there are none
+at such places: their scallop must be seen in another way.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from planner.path.peaks import Ground, Peaks
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+
+CLEARLY = 1e-5  # higher than a gap's own peak, as a share of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,16 +43,22 @@ def with_one_sided(ground: Ground, planes_mm: Array, peaks: Peaks, scallop_mm: f
     """
     heights = border_heights(ground.surface, ground.border, planes_mm)
     alone = one_sided(ground.border, heights, planes_mm, ground.surface.radius_mm)
-    best = best_of_each(alone.gap, alone.height_mm)
-    had_mm = peaks.height_mm[alone.gap[best]]
-    best = best[alone.height_mm[best] > np.where(had_mm > 0, had_mm, scallop_mm)]
-    if not len(best) and not alone.bare:
+    peaks = _raised(peaks, alone, np.where(peaks.height_mm > 0, peaks.height_mm, scallop_mm))
+    least_mm = np.maximum((1 + CLEARLY) * peaks.height_mm, (1 - CLEARLY) * scallop_mm)
+    return _raised(peaks, tips(ground.border, heights, planes_mm, scallop_mm), least_mm)
+
+
+def _raised(peaks: Peaks, held: OneSided, least_mm: Array) -> Peaks:
+    """The peaks, raised to the highest that is held in each gap where that is above `least_mm` (passes - 1,)."""
+    best = best_of_each(held.gap, held.height_mm)
+    best = best[held.height_mm[best] > least_mm[held.gap[best]]]
+    if not len(best) and not held.bare:
         return peaks
     raised = {}
     for name in ("height_mm", "by_a", "by_b", "x", "foot"):
         raised[name] = getattr(peaks, name).copy()
-        raised[name][..., alone.gap[best]] = getattr(alone, name)[..., best]
-    return replace(peaks, **raised, missed=peaks.missed + alone.bare)
+        raised[name][..., held.gap[best]] = getattr(held, name)[..., best]
+    return replace(peaks, **raised, missed=peaks.missed + held.bare)
 
 
 def one_sided(border: Border, heights: BorderHeights, planes_mm: Array, radius_mm: float) -> OneSided:
@@ -63,6 +72,25 @@ def one_sided(border: Border, heights: BorderHeights, planes_mm: Array, radius_m
     lost_b = is_inner & np.isinf(heights.above) & (to_b < radius_mm)
     by_b = _held_beside(border, heights.gap, lost_a, heights.above)
     by_a = _held_beside(border, heights.gap, lost_b, heights.below)
+    bare = int((is_inner & np.isinf(heights.below) & np.isinf(heights.above)).sum())
+    return _held_by(border, heights, by_a, by_b, bare)
+
+
+def tips(border: Border, heights: BorderHeights, planes_mm: Array, scallop_mm: float = 0.0) -> OneSided:
+    """What the border holds between planes where both passes reach it: the lower of their heights at every sample.
+
+    Where the lower pass leaves more than an asked `scallop_mm` it is the upper one that can still come nearer: its own
+    height is told then.
+    """
+    is_both = (heights.gap >= 1) & (heights.gap < len(planes_mm))
+    is_both &= np.isfinite(heights.below) & np.isfinite(heights.above)
+    is_b_lower = heights.above < heights.below
+    is_b = is_b_lower | ((heights.below > scallop_mm) if scallop_mm else is_b_lower)
+    return _held_by(border, heights, np.flatnonzero(is_both & ~is_b), np.flatnonzero(is_both & is_b), 0)
+
+
+def _held_by(border: Border, heights: BorderHeights, by_a: Indices, by_b: Indices, bare: int) -> OneSided:
+    """The heights that the lower pass leaves at samples `by_a`, and the upper one at samples `by_b`."""
     at, zero = np.concatenate([by_b, by_a]), np.zeros(len(by_b) + len(by_a))
     is_b = np.arange(len(at)) < len(by_b)
     return OneSided(
@@ -72,7 +100,7 @@ def one_sided(border: Border, heights: BorderHeights, planes_mm: Array, radius_m
         by_b=np.where(is_b, heights.upper.by_plane[at], zero),
         x=np.where(is_b, heights.upper.x[at], heights.lower.x[at]),
         foot=border.parameters[:, at],
-        bare=int((is_inner & np.isinf(heights.below) & np.isinf(heights.above)).sum()),
+        bare=bare,
     )
 
 

@@ -80,14 +80,21 @@ def survey(ground: Ground, planes_mm: Array, height_mm: float, *, coarse: int = 
 
 
 def survey_at(ground: Ground, planes_mm: Array, tops: GapCusps) -> Peaks:
-    """The maxima as `survey` finds them if the interior ones stay in place: cheap, for planes that moved a little."""
+    """The maxima as `survey` finds them if the interior ones stay in place: cheap, for planes that moved a little.
+
+    A maximum from which the planes have moved far may be none any more: where its cusp is not found it is left out.
+    """
     heights = border_heights(ground.surface, ground.border, planes_mm)
     ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
     guess = guess_from(tops.cusps)
     moved = inner_cusps(ground.surface, ground.seeds, planes_mm, tops.gap, tops.cusps.x, 0.0, guess)
+    lost = np.flatnonzero(~moved.cusps.is_found)
+    if len(lost):
+        again = inner_cusps(ground.surface, ground.seeds, planes_mm, tops.gap[lost], tops.cusps.x[lost], 0.0)
+        moved = moved.with_more(again)
     (u_low, u_high), (v_low, v_high) = ground.surface.patch.domain
     u, v = moved.cusps.foot
-    is_inside = (u >= u_low) & (u <= u_high) & (v >= v_low) & (v <= v_high)
+    is_inside = moved.cusps.is_found & (u >= u_low) & (u <= u_high) & (v >= v_low) & (v <= v_high)
     inside = GapCusps(moved.gap[is_inside], moved.cusps.take(is_inside))
     return _peaks(ground, heights, planes_mm, ends, inside, 0)
 

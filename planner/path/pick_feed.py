@@ -51,10 +51,10 @@ def solve_pick_feeds(ground: Ground, scallop_mm: float, *, accuracy_mm: float, s
     peaks = replace(peaks, missed=0)  # what a wide search loses, the full one may find
     end, is_full, is_strict = ChainEnd.RAN_OUT, False, False
     for _ in range(sweeps):
-        if peaks.missed:
-            end = ChainEnd.LOST
-            break
         is_settled = _error(peaks, scallop_mm) <= accuracy_mm
+        if is_settled and is_full and peaks.missed:
+            end = ChainEnd.LOST  # before the planes stand still, a cusp that is not found may be none
+            break
         if is_settled and is_full:
             # Places that one pass alone reaches come and go while the planes move far: they count at the end.
             is_strict, peaks = True, with_one_sided(ground, planes, peaks, scallop_mm)

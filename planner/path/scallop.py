@@ -104,6 +104,8 @@ class _Contact:
     x: Array
 
 
+# A guess that runs away overflows on its way out; it ends as not found.
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def solve_cusps(
     surface: OffsetSurface,
     planes_mm: tuple[Array, Array],
