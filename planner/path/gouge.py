@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from planner.errors import InputRejected
 from planner.path.offset import OffsetSurface
-from planner.surface.curvature import Survey, least_curvature, lowest, regularity, span_places, upwardness
+from planner.surface.creases import normals_across
+from planner.surface.curvature import Survey, least_curvature, lowest, regularity, upwardness
 from planner.surface.patch import NurbsPatch
 
 Array = NDArray[np.float64]
@@ -45,21 +46,11 @@ def check_creases(patch: NurbsPatch, *, largest_rad: float = 1e-4) -> None:
 
     Across a crease the offset surface has a gap or crosses itself, so no pass can be traced over it.
     """
-    for axis, (knots, degree) in enumerate(((patch.knots_u, patch.degree_u), (patch.knots_v, patch.degree_v))):
-        places = span_places((patch.basis_v, patch.basis_u)[axis], 4)
-        low, high = patch.domain[axis]
-        values, repeats = np.unique(knots[(knots > low) & (knots < high)], return_counts=True)
-        for knot in values[repeats >= degree]:
-            sides = []
-            for value in (np.nextafter(knot, low), knot):
-                held = np.full_like(places, value)
-                found = patch.evaluate(*((held, places) if axis == 0 else (places, held)))
-                normal = np.cross(found.du, found.dv, axis=0)
-                sides.append(normal / np.linalg.norm(normal, axis=0))
-            jump_rad = 2 * float(np.arcsin(np.linalg.norm(sides[1] - sides[0], axis=0).max() / 2))
-            if jump_rad > largest_rad:
-                what = f"{patch.name} has a crease along {'uv'[axis]} = {knot:g}, of {np.degrees(jump_rad):.3g} degrees"
-                raise InputRejected(what, remedy="split the patch there and plan both parts")
+    for axis, knot, before, after in normals_across(patch):
+        jump_rad = 2 * float(np.arcsin(np.linalg.norm(after - before, axis=0).max() / 2))
+        if jump_rad > largest_rad:
+            what = f"{patch.name} has a crease along {'uv'[axis]} = {knot:g}, of {np.degrees(jump_rad):.3g} degrees"
+            raise InputRejected(what, remedy="split the patch there and plan both parts")
 
 
 def check_radius(survey: Survey, side: int, radius_mm: float, stock_mm: float = 0.0) -> None:

@@ -138,7 +138,7 @@ class PatchSlopes:
         )
         slack = 1e-3 * room
         slope = self._table.over(self._table.slope, low - slack, high + slack)
-        jumps = self._table.jumps(low - slack, high + slack)
+        jumps = self._table.jumps(low - slack, high + slack, right_mm - left_mm)
         return np.where(is_inside, slope.low, -np.inf), np.where(is_inside, slope.high, np.inf), jumps
 
     def _kept_in(self, start: Array, stop: Array, width: Array) -> tuple[Array, Range, NDArray[np.bool_]]:

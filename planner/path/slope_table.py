@@ -18,9 +18,11 @@ from planner.path.model import Array
 from planner.path.offset import OffsetSurface
 from planner.path.plane_spline import Index
 from planner.surface.bspline import SpanBasis
+from planner.surface.creases import largest_turn_rad
 
 FEW_CELLS, MOST_CELLS = 4000, 100_000
 CELLS_AT_ONCE = 20_000
+TURN_SPARE = 1.5  # times the largest turn at a crease that is seen
 TABLES_KEPT = 8  # all cells of one patch, from coarse to fine, and those of a few of its passes
 
 
@@ -30,7 +32,7 @@ class SlopeTable:
 
     `slope` and `bend` (i, j) are those of the curvature's change and of the curvature, `speeds` (2, i, j) those of u
     and v. `u_breaks` (i + 1,) and `v_breaks` (j + 1,) tell how many edges up to each are knots across which second
-    derivatives may jump, and the curvature with them.
+    derivatives may jump, and the curvature with them. `turn_rad` is how far a pass may turn at once in crossing one.
     """
 
     u_edges: Array
@@ -40,6 +42,7 @@ class SlopeTable:
     speeds: Range
     u_breaks: Index
     v_breaks: Index
+    turn_rad: float
 
     @property
     def cells(self) -> int:
@@ -70,10 +73,11 @@ class SlopeTable:
                     most[..., at] = np.maximum(most[..., at], blocks.high[..., i, j])
         return Range(np.where(is_inside, least, -np.inf), np.where(is_inside, most, np.inf))
 
-    def jumps(self, low: Array, high: Array) -> Array:
+    def jumps(self, low: Array, high: Array, width_mm: Array) -> Array:
         """How far the curvature may jump (k,) within boxes from low (2, k) to high (2, k): 0 where nothing does, (F23).
 
-        However often a curve crosses a knot there, its curvature stays in the range of the box.
+        However often a curve crosses a knot there, its curvature stays in the range of the box. A crease counts as much
+        as a curvature that turns the curve as far on half of `width_mm` (k,).
         """
         first, last = self._cells_of(low, high)
         crosses = np.zeros(low.shape[1], dtype=bool)
@@ -82,7 +86,7 @@ class SlopeTable:
             crosses |= breaks[end] > breaks[begin]
         jumps, at = np.zeros(low.shape[1]), np.flatnonzero(crosses)
         bend = self.over(self.bend, low[:, at], high[:, at])
-        jumps[at] = bend.high - bend.low
+        jumps[at] = bend.high - bend.low + 2 * self.turn_rad / width_mm[at]
         return jumps
 
     def _cells_of(self, low: Array, high: Array) -> tuple[list[Index], list[Index]]:
@@ -139,7 +143,8 @@ def _table(surface: OffsetSurface, finer: int, low: tuple[float, ...], high: tup
     slope, bend, speeds = (_widened(_joined(parts)) for parts in zip(*strips, strict=True))
     u_breaks = _breaks(in_u.edges, patch.knots_u, patch.degree_u)
     v_breaks = _breaks(in_v.edges, patch.knots_v, patch.degree_v)
-    return SlopeTable(in_u.edges, in_v.edges, slope, bend, speeds, u_breaks, v_breaks)
+    turn_rad = TURN_SPARE * largest_turn_rad(patch)
+    return SlopeTable(in_u.edges, in_v.edges, slope, bend, speeds, u_breaks, v_breaks, turn_rad)
 
 
 def _breaks(edges: Array, knots: Array, degree: int) -> Index:

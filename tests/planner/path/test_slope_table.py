@@ -22,7 +22,7 @@ def test_a_box_has_the_range_of_its_cells_however_many(seed: int) -> None:
     least = rng.standard_normal((2, *shape))
     speeds = Range(least, least + rng.random((2, *shape)))
     some, none = Range(least[0], least[0]), [np.zeros(len(edge), dtype=np.intp) for edge in edges]
-    table = SlopeTable(edges[0], edges[1], some, some, speeds, none[0], none[1])
+    table = SlopeTable(edges[0], edges[1], some, some, speeds, none[0], none[1], 0.0)
     low = rng.random((2, 60))
     high = np.minimum(low + rng.random((2, 60)) * rng.choice([0.02, 0.3, 1.0], 60), 1.05)
     found = table.over(speeds, low, high)
