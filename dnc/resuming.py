@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import msgspec
 
 from dnc.control_side import decimals_of, refuse_other_dialect, settings_of
 from dnc.device_names import device_of, identity_of
@@ -240,14 +241,25 @@ def _lines_in_doubt(last: PastJob, tape: Tape, profile: MachineProfile) -> tuple
             )
             remedy = "its bytes lie in other lines; put the profile's [tape] back, or use --start-at"
             raise JournalMismatch(f"{what}; {remedy}")
-        inflight_bytes = pace_of(profile).inflight_max_bytes
-        return doubt_of_interrupted(last.values, tape, profile.control, inflight_bytes=inflight_bytes)
+        control, inflight_bytes = _held_at_most(last.values, profile)
+        return doubt_of_interrupted(last.values, tape, control, inflight_bytes=inflight_bytes)
     first, end = last.values.get("in_doubt") or (1, 1)
     restart = last.values.get("restart")
     if not isinstance(restart, dict):
         return int(first), int(end)
     shift = int(restart["line"]) - 1 - int(restart["lines_before"])
     return max(int(restart["line"]), int(first) + shift), max(int(restart["line"]), int(end) + shift)
+
+
+def _held_at_most(values: dict[str, Any], profile: MachineProfile) -> tuple[Control, int]:
+    """The control, and bytes in flight, by the profile of the killed job or that of now, whichever holds more."""
+    now = profile.control
+    control = msgspec.structs.replace(
+        now,
+        receive_buffer_bytes=max(now.receive_buffer_bytes, int(values.get("receive_buffer_bytes", 0))),
+        lookahead_blocks=max(now.lookahead_blocks, int(values.get("lookahead_blocks", 0))),
+    )
+    return control, max(pace_of(profile).inflight_max_bytes, int(values.get("inflight_max_bytes", 0)))
 
 
 def _has_sent(past: PastJob) -> bool:

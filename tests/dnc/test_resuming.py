@@ -5,12 +5,14 @@ from __future__ import annotations
 from contextlib import closing
 from pathlib import Path
 
+import msgspec
 import pytest
 
-from dnc.profile import Control
+from dnc.joblist import PastJob
+from dnc.profile import Control, Link, MachineProfile
 from dnc.profile import Tape as Framing
 from dnc.record import in_doubt
-from dnc.resuming import doubt_of_interrupted
+from dnc.resuming import _lines_in_doubt, doubt_of_interrupted
 from dnc.spool import load_tape
 from dnc.tape import Tape
 
@@ -51,3 +53,16 @@ def test_a_whole_job_is_counted_from_its_head(tmp_path: Path) -> None:
         values = {"bytes_sent": 1500, "bound_bytes": 1900}
         assert doubt_of_interrupted(values, whole, CONTROL) == (low.first, high.last)
         assert doubt_of_interrupted({}, whole, CONTROL) == (1, 1)
+
+
+def test_a_profile_that_shrank_since_does_not_narrow_the_window(tmp_path: Path) -> None:
+    """(5.7) The window of a killed job was reckoned with the buffer and the look-ahead of now."""
+    values = {"bytes_sent": 3000, "bound_bytes": 3000, "receive_buffer_bytes": 1500, "lookahead_blocks": 40}
+    with closing(tape_of(tmp_path, BLOCKS)) as whole:
+        profile = MachineProfile(link=Link(), control=CONTROL, axes={}, tape=Framing(leader="%\\LF"))
+        first, last = _lines_in_doubt(PastJob("1", "INTERRUPTED", values), whole, profile)
+        then = in_doubt(
+            whole, 3000, 2, msgspec.structs.replace(CONTROL, receive_buffer_bytes=1500, lookahead_blocks=40)
+        )
+        assert then is not None
+        assert (first, last) == (then.first, then.last)
