@@ -60,8 +60,8 @@ def test_every_fault_of_the_mill(name: str, tmp_path: Path) -> None:
     """(5.10; faults L3, C1, C2, C3, C5) Exit code, outcome, alarms; both ends agree on the bytes."""
     case = CASES[name]
     machine = small_machine(
-        tmp_path, receive_buffer_bytes=512, xoff_free_bytes=120, xon_fill_bytes=200, lookahead_blocks=5
-    )
+        tmp_path, receive_buffer_bytes=1024, xoff_free_bytes=512, xon_fill_bytes=200, lookahead_blocks=5
+    )  # a reserve of 130 ms: a computer that stood still for 30 overran 120 bytes, and the alarm came before the fault
     program = tmp_path / "part.mpf"
     program.write_bytes(case.program())
     with (
