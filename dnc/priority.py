@@ -18,7 +18,7 @@ _SWITCH_INTERVAL_S = 50e-6
 _PRIORITY = 20
 LATENCY_WISH = Path("/dev/cpu_dma_latency")
 WAKES_WITHIN_US = 20
-"""Shallow idle states wake within this; deep ones take up to a millisecond, eleven bytes at 115200 baud."""
+"""Shallow idle states wake within this; deep ones may take longer than bytes of a fast line."""
 
 
 class Punctuality(NamedTuple):
