@@ -18,7 +18,9 @@ PATH_MM, SCALLOP_MM, ROUNDING_MM = 0.001, 0.08, 0.0001
 @pytest.mark.system
 def test_demo_measures_what_was_planned(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dnc", "demo", "--out", str(tmp_path), "--speed", "100", "--json"]
-    report = validated(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = validated(done.stdout)
     for part in (report["plan"], report["check"], report["send"], report["mill"], *report["window"].values()):
         if isinstance(part, dict):
             validated(json.dumps(part))

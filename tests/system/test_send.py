@@ -77,12 +77,13 @@ def test_two_senders_on_one_port(tmp_path: Path) -> None:
     program = program_at(tmp_path)
     (tmp_path / "second").mkdir()
     with (
-        PeerProcess(expect_bytes=program.stat().st_size, quiet_s=0.3) as peer,
-        SendProcess(tmp_path, program, peer.pty) as first,
+        PeerProcess(say_first="11", expect_bytes=program.stat().st_size, quiet_s=0.3) as peer,
+        SendProcess(tmp_path, program, peer.pty, "--start", "wait-xon") as first,
     ):
-        wait_for_state(tmp_path, "SENDING")
+        wait_for_state(tmp_path, "ARMED", sent=0)
         with SendProcess(tmp_path / "second", program, peer.pty) as second:
             code, words = second.finish()
+        peer.say_first()
         assert (code, str(first.child.pid) in words) == (4, True)
         assert first.finish()[0] == 0
         assert peer.report()["sha256"] == hashlib.sha256(program.read_bytes()).hexdigest()
