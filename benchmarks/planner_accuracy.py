@@ -22,7 +22,6 @@ import numpy as np
 from dnc.cli.main import run_with
 from dnc.shipped import shipped_path
 from planner.job import load_job
-from planner.plan import scallop_target_mm
 from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
 
@@ -98,7 +97,7 @@ def run_case(folder: Path, name: str, patch: NurbsPatch, scallop_mm: float, angl
         return False
     promised, measured = (json.loads(Path(file).read_text()) for file in (plan, cut))
     operation = load_job(Path(job)).operation[0]
-    target_mm = scallop_target_mm(operation, 4.0)
+    target_mm = scallop_mm - operation.path_mm * 4.0 / (4.0 - scallop_mm)
     gaps = np.array(promised["scallop_gaps_mm"][:-1])
     gaps = 100 * gaps[gaps > 0] / target_mm
     least_mm = scallop_mm - 2 * (operation.path_mm + promised["rounding_mm"])

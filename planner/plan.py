@@ -212,20 +212,17 @@ def _tool_path(job: Job, operation: Operation, layout: Layout, passes: list[Pass
     )
 
 
-def scallop_target_mm(operation: Operation, radius_mm: float, coarse_mm: float = 0.0) -> float | None:
-    """The scallop to plan for: what is asked less what the written program may add, eq. (18).
+def budget_mm(operation: Operation, radius_mm: float, coarse_mm: float = 0.0) -> float:
+    """How far a pass as written may stand from the exact one, eq. (18): the scallop is planned lower for it.
 
-    A pass that is `path_mm` too high lifts the cusp by at most path_mm R / (R - h). Where the digits that the control
-    reads cost `coarse_mm`, more than path_mm leaves for them, it may be higher.
+    That is `path_mm`, or more where the digits that the control reads cost `coarse_mm`, more than path_mm leaves them.
     """
-    if operation.scallop_mm is None:
-        return None
     high_mm = max(operation.path_mm, FIT_SHARE * operation.path_mm + coarse_mm)
-    target = operation.scallop_mm - high_mm * radius_mm / (radius_mm - operation.scallop_mm)
-    if target <= 0:
-        what = f"scallop_mm {operation.scallop_mm:g} leaves nothing beside path_mm {operation.path_mm:g}"
+    scallop_mm = operation.scallop_mm
+    if scallop_mm is not None and scallop_mm <= high_mm * radius_mm / (radius_mm - scallop_mm):
+        what = f"scallop_mm {scallop_mm:g} leaves nothing beside path_mm {operation.path_mm:g}"
         raise InputRejected(what, remedy="lower path_mm or raise scallop_mm", key=("operation", 0, "path_mm"))
-    return target
+    return high_mm
 
 
 def _only_operation(job: Job, path: Path) -> Operation:
@@ -252,14 +249,14 @@ def _only_operation(job: Job, path: Path) -> Operation:
 
 def _wishes(job: Job, operation: Operation, patch: NurbsPatch, coarse: float) -> Wishes:
     """What the strategy is asked for; the angle is chosen here where the job leaves it open."""
-    radius_mm = job.tool_of(operation).radius_mm
-    scallop_mm = scallop_target_mm(operation, radius_mm, coarse)
+    radius_mm, scallop_mm = job.tool_of(operation).radius_mm, operation.scallop_mm
+    high_mm = budget_mm(operation, radius_mm, coarse)
     if operation.angle_deg == "auto":
         angle_rad = best_angle_rad(patch, tool_side(survey(patch)), radius_mm, scallop_mm)
     else:
         angle_rad = float(np.radians(operation.angle_deg))
-    rolls_over = operation.edge == "roll-over"
-    return Wishes(radius_mm, angle_rad, scallop_mm, operation.pick_feed_mm, operation.stock_to_leave_mm, rolls_over)
+    stock_mm, rolls_over = operation.stock_to_leave_mm, operation.edge == "roll-over"
+    return Wishes(radius_mm, angle_rad, scallop_mm, operation.pick_feed_mm, stock_mm, rolls_over, high_mm)
 
 
 def _check_clearance(job: Job, layout: Layout, path: Path) -> None:

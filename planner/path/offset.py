@@ -40,12 +40,19 @@ class OffsetSurface:
     """A patch at the distance of the ball's radius on the tool's side, eq. (4).
 
     `side` is +1 where Qu x Qv points to the tool (up), -1 where it points away; `stock_mm` is left on the part.
+    `high_mm` is how far a pass as written may stand from the exact one: heights are then the most that it may leave.
     """
 
     patch: NurbsPatch
     radius_mm: float
     side: int = 1
     stock_mm: float = 0.0
+    high_mm: float = 0.0
+
+    @property
+    def reach_mm(self) -> float:
+        """How near to a centre a point must lie to be cut surely, eq. (18)."""
+        return self.radius_mm - self.high_mm
 
     def evaluate(self, u: Array, v: Array) -> OffsetPoints:
         """Centres, contacts and first derivatives at parameters u, v (m,)."""

@@ -20,6 +20,8 @@ from planner.path.peaks import Ground, Peaks, strip_behind, survey, survey_at
 
 Array = NDArray[np.float64]
 
+NEAR_CEILING = 0.01  # of a pick feed: nearer to the widest possible one no gap is made
+
 
 class ChainEnd(Enum):
     """How the search for pick feeds ended; the value is the sentence for the user."""
@@ -39,48 +41,76 @@ class PickFeeds:
     end: ChainEnd
 
 
-def solve_pick_feeds(ground: Ground, scallop_mm: float, *, accuracy_mm: float, sweeps: int = 40) -> PickFeeds:
+def solve_pick_feeds(
+    exact: Ground, scallop_mm: float, *, accuracy_mm: float, high_mm: float = 0.0, sweeps: int = 40
+) -> PickFeeds:
     """The fewest parallel planes whose passes leave at most `scallop_mm` anywhere, each as far on as it can be.
 
+    Passes may stand `high_mm` off the exact ones, eq. (18); the peaks that are returned are those of the exact ones.
     `accuracy_mm` bounds what is left open of each gap's height. The first pass is the furthest that keeps the border
     before it, the last the first that keeps the border behind it. Between full surveys the chain is settled on all
     maxima that the surveys have found, so that two that outdo each other in turn are both kept in sight.
     """
-    planes = _first_chain(ground, scallop_mm)
+    ground = replace(exact, surface=replace(exact.surface, high_mm=high_mm))
+    radius_mm = ground.surface.radius_mm
+    planes = _first_chain(ground, scallop_mm - high_mm * radius_mm / (radius_mm - scallop_mm))
     peaks, tops = survey(ground, planes, scallop_mm, coarse=4)
     peaks = replace(peaks, missed=0)  # what a wide search loses, the full one may find
     end, is_full, is_strict = ChainEnd.RAN_OUT, False, False
+    ceilings = np.full(len(planes) - 1, np.inf)
     for _ in range(sweeps):
-        is_settled = _error(peaks, scallop_mm) <= accuracy_mm
+        ceilings = _ceilings(ceilings, planes, peaks, scallop_mm, accuracy_mm)
+        is_settled = _error(planes, peaks, ceilings, scallop_mm) <= accuracy_mm
         if is_settled and is_full and peaks.missed:
             end = ChainEnd.LOST  # before the planes stand still, a cusp that is not found may be none
             break
         if is_settled and is_full:
             # Places that one pass alone reaches come and go while the planes move far: they count at the end.
             is_strict, peaks = True, with_one_sided(ground, planes, peaks, scallop_mm)
-            is_settled = _error(peaks, scallop_mm) <= accuracy_mm and not peaks.missed
+            is_settled = _error(planes, peaks, ceilings, scallop_mm) <= accuracy_mm and not peaks.missed
             if is_settled:
                 end = ChainEnd.SETTLED
                 break
         if not is_settled:
-            planes = _newton_chain(planes, peaks, scallop_mm)
+            planes = _newton_chain(planes, peaks, ceilings, scallop_mm)
         is_full = is_settled
         if is_full:
             tops = tops.with_more(survey(ground, planes, scallop_mm)[1])
         peaks = survey_at(ground, planes, tops)
         peaks = with_one_sided(ground, planes, peaks, scallop_mm) if is_strict else peaks
+    of_exact = survey_at(exact, planes, tops)
     planes = _with_last(ground, planes, scallop_mm, accuracy_mm)
     peaks = with_one_sided(ground, planes, _trimmed(ground, peaks, planes, scallop_mm), scallop_mm)
     if end is ChainEnd.SETTLED and float(peaks.height_mm.max(initial=0.0)) > scallop_mm + accuracy_mm:
         end = ChainEnd.LOST
     if end is ChainEnd.SETTLED and peaks.last_mm > scallop_mm + accuracy_mm:
         end = ChainEnd.OPEN
-    return PickFeeds(planes, peaks, end)
+    of_exact = with_one_sided(exact, planes, _trimmed(exact, of_exact, planes, scallop_mm), scallop_mm - high_mm)
+    return PickFeeds(planes, of_exact, end)
 
 
-def _error(peaks: Peaks, scallop_mm: float) -> float:
-    """How far the worst gap, or the first strip, is from the asked height."""
-    measured = np.append(peaks.height_mm[peaks.height_mm > 0], peaks.first_mm)
+def _ceilings(ceilings: Array, planes_mm: Array, peaks: Peaks, scallop_mm: float, accuracy_mm: float) -> Array:
+    """The pick feeds (passes - 1,) that are known to be too wide because the upper pass misses the part there.
+
+    Past such a feed the height jumps, and Newton's method would step over it again and again. A ceiling holds only
+    as long as the lower pass of its gap stands still.
+    """
+    is_off = (peaks.height_mm > 0) & (np.abs(peaks.height_mm - scallop_mm) > accuracy_mm)
+    is_off |= abs(peaks.first_mm - scallop_mm) > accuracy_mm
+    is_still: NDArray[np.bool_] = np.cumsum(is_off) - is_off == 0
+    is_too_wide = is_still & (peaks.height_mm > scallop_mm) & (peaks.by_b <= 0)
+    known = np.where(is_still, ceilings, np.inf)
+    return np.where(is_too_wide, np.minimum(known, np.diff(planes_mm)), known)
+
+
+def _error(planes_mm: Array, peaks: Peaks, ceilings: Array, scallop_mm: float) -> float:
+    """How far the worst gap, or the first strip, is from the asked height.
+
+    A gap that stays below it wherever its upper pass may stand is not waited for.
+    """
+    is_widest = (peaks.by_b <= 0) | (np.diff(planes_mm) > (1 - NEAR_CEILING) * ceilings)
+    is_open = (peaks.height_mm > 0) & ~(is_widest & (peaks.height_mm < scallop_mm))
+    measured = np.append(peaks.height_mm[is_open], peaks.first_mm)
     return float(np.max(np.abs(measured - scallop_mm)))
 
 
@@ -147,8 +177,11 @@ def _first_chain(ground: Ground, scallop_mm: float) -> Array:
     return np.array(planes)
 
 
-def _newton_chain(planes_mm: Array, peaks: Peaks, scallop_mm: float) -> Array:
-    """Moves of all planes from the linearised heights, eq. (16); a gap changes by at most 40 % a sweep."""
+def _newton_chain(planes_mm: Array, peaks: Peaks, ceilings: Array, scallop_mm: float) -> Array:
+    """Moves of all planes from the linearised heights, eq. (16); a gap changes by at most 40 % a sweep.
+
+    Below its ceiling a gap grows by at most half of what is left.
+    """
     feeds = np.diff(planes_mm)
     moves = np.zeros(len(planes_mm))
     limit = 0.4 * float(feeds[0])
@@ -158,7 +191,10 @@ def _newton_chain(planes_mm: Array, peaks: Peaks, scallop_mm: float) -> Array:
         height = peaks.height_mm[gap]
         if height > 0 and peaks.by_b[gap] > 0:
             wanted = (scallop_mm - height - peaks.by_a[gap] * moves[gap]) / peaks.by_b[gap] - moves[gap]
-            grown = 1 + float(np.clip(wanted / feeds[gap], -0.4, 0.4))
+            room = (ceilings[gap] - feeds[gap]) / 2
+            grown = 1 + float(np.clip(min(wanted, room) / feeds[gap], -0.4, 0.4))
+        elif height > scallop_mm:  # only the lower pass comes there: the upper one must come nearer
+            grown = 0.9
         moves[gap + 1] = moves[gap] + (grown - 1) * feeds[gap]
     return planes_mm + moves
 

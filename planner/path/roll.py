@@ -89,7 +89,8 @@ def rolled(surface: OffsetSurface, *, out_mm: float) -> RolledSurface:
     """The same ball on the same patch with its edge; whole swings take it about `out_mm` past the edge."""
     patch, reach_mm = surface.patch, surface.radius_mm + surface.stock_mm
     widths = (out_mm / mean_speed(patch, 0), out_mm / mean_speed(patch, 1))
-    return RolledSurface(patch, surface.radius_mm, surface.side, surface.stock_mm, out_mm / reach_mm, widths)
+    parts = patch, surface.radius_mm, surface.side, surface.stock_mm
+    return RolledSurface(*parts, swing=out_mm / reach_mm, widths=widths)
 
 
 def _put(

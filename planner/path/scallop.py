@@ -158,7 +158,7 @@ def _solve_block(
         cusp = under.contact + height * under.normal
         touch_a, touch_b = _touch(at_a, cusp, planes_mm[0]), _touch(at_b, cusp, planes_mm[1])
         row, short = _held_row(under, foot, held, value)
-        right = np.stack([surface.radius_mm - touch_a.distance_mm, surface.radius_mm - touch_b.distance_mm, short])
+        right = np.stack([surface.reach_mm - touch_a.distance_mm, surface.reach_mm - touch_b.distance_mm, short])
         worst = np.max(
             np.abs(np.concatenate([right, [touch_a.plane_error_mm, touch_b.plane_error_mm]])), axis=0, initial=0.0
         )
@@ -199,7 +199,7 @@ def solve_reaches(
         at = surface.evaluate(on_pass[0], on_pass[1])
         touch = _touch(at, under.contact + height * under.normal, planes_mm)
         facing = dot(touch.toward, under.normal)
-        short = surface.radius_mm - touch.distance_mm
+        short = surface.reach_mm - touch.distance_mm
         worst = np.maximum(np.abs(short), touch.plane_error_mm)
         slack = np.sqrt(residual_mm * surface.radius_mm)
         is_found = (worst <= slack) & (touch.foot_error_mm <= 50 * slack)

@@ -45,7 +45,10 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """What the operation asks for; exactly one of `scallop_mm` and `pick_feed_mm` is given."""
+    """What the operation asks for; exactly one of `scallop_mm` and `pick_feed_mm` is given.
+
+    `high_mm` is how far a pass as written may stand from the exact one: the scallop holds for the written ones.
+    """
 
     radius_mm: float
     angle_rad: float
@@ -53,6 +56,7 @@ class Wishes:
     pick_feed_mm: float | None
     stock_mm: float = 0.0
     rolls_over: bool = False
+    high_mm: float = 0.0
 
 
 def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float, reading_mm: float = 1e-5) -> Layout:
@@ -63,7 +67,7 @@ def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float, readi
     ground = prepare(patch, wishes)
     gouge_mm = check_reach(ground.surface, ground.seeds.within(patch.domain), accuracy_mm)
     if wishes.scallop_mm is not None:
-        feeds = solve_pick_feeds(ground, wishes.scallop_mm, accuracy_mm=accuracy_mm)
+        feeds = solve_pick_feeds(ground, wishes.scallop_mm, accuracy_mm=accuracy_mm, high_mm=wishes.high_mm)
         if feeds.end is not ChainEnd.SETTLED:
             raise InputRejected(f"{patch.name}: {feeds.end.value}{_place(feeds.peaks)}", remedy="give pick_feed_mm")
         planes_mm, peaks = feeds.planes_mm, feeds.peaks

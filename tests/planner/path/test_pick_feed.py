@@ -52,6 +52,34 @@ def test_reference_numbers(
         assert abs(np.diff(layout.planes_mm).max() - 1.5808) < 1e-4
 
 
+@pytest.mark.parametrize("ridge_mm", [1.0, 5.0, 30.0])
+def test_passes_that_are_too_high_keep_the_scallop_on_any_ridge(ridge_mm: float) -> None:
+    """(4.1) Balls raised by the budget leave on a ridge (a cylinder along the passes) what was asked, and no less.
+
+    Taken as on level ground the budget was too small on a sharp ridge: 80.08 um of 80 at 1 mm.
+    """
+    high_mm, patch = 0.001, cylinder_patch(ridge_mm, half_angle_deg=60.0)
+    layout = lay_parallel(patch, Wishes(R, 0.0, 0.08, None, high_mm=high_mm), accuracy_mm=1e-8)
+    half_rad = np.diff(np.arcsin(layout.planes_mm / (ridge_mm + R))) / 2
+
+    def height_mm(too_high_mm: float) -> np.ndarray:
+        out_mm = ridge_mm + R + too_high_mm
+        return out_mm * np.cos(half_rad) - np.sqrt(R**2 - (out_mm * np.sin(half_rad)) ** 2) - ridge_mm
+
+    assert len(half_rad) >= 2
+    assert np.abs(layout.peaks.height_mm - height_mm(0.0)).max() < 1e-7
+    assert 0.08 - 0.05 * high_mm < height_mm(high_mm)[:-1].max() <= 0.08 + 1e-7
+
+
+@pytest.mark.parametrize(("ridge_mm", "half_angle_deg"), [(1.0, 60.0), (1.0, 80.0), (1.5, 80.0)])
+def test_a_round_ridge_is_planned_to_its_end(ridge_mm: float, half_angle_deg: float) -> None:
+    """(4.7) The last pass was tried beyond the ridge, where no ball touches it, and "did not settle" ended the job."""
+    layout = planned(cylinder_patch(ridge_mm, half_angle_deg=half_angle_deg), 0.08)
+    assert np.abs(layout.peaks.height_mm[:-1] - 0.08).max() < 1e-7
+    assert layout.peaks.height_mm[-1] < 0.08 + 1e-7
+    assert max(layout.peaks.first_mm, layout.peaks.last_mm) < 0.08 + 1e-7
+
+
 SURFACES = {
     "thesis 35": thesis_patch(),
     "thesis 30": thesis_patch(30),
