@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import shlex
 import shutil
+import signal
 import subprocess
+import threading
 import urllib.error
 import urllib.parse
 import urllib.request
@@ -40,7 +43,7 @@ def hooks_of(command: str | None, url: str | None, about: dict[str, Any], say: C
     if url is not None:
         if urllib.parse.urlsplit(url).scheme not in ("http", "https"):
             raise SettingsRejected(f"webhook {url!r} is no web address", remedy="begin it with http:// or https://")
-        hooks.append(_Hook(f"webhook {url}", lambda data: _post(url, data), about, say))
+        hooks.append(_Hook(f"webhook {url}", lambda data: _post_in_time(url, data), about, say))
     return hooks
 
 
@@ -104,12 +107,46 @@ def _words(command: str) -> list[str]:
 
 
 def _run(words: list[str], data: bytes) -> None:
+    """Run a command to its end; one that takes too long is killed with all it has started.
+
+    Its group is its own: what a script waits for would outlive it, one more at each event, and the operator's Ctrl-C
+    at the terminal is meant for the job.
+    """
     quiet = subprocess.DEVNULL
-    subprocess.run(words, input=data, timeout=_TIMEOUT_S, check=True, stdout=quiet, stderr=quiet)
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, process_group=0) as child:
+        try:
+            child.communicate(data, timeout=_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            os.killpg(child.pid, signal.SIGKILL)
+            raise
+    if child.returncode:
+        raise subprocess.CalledProcessError(child.returncode, words)
+
+
+def _post_in_time(url: str, data: bytes) -> None:
+    """As `_post`, given up after a time: a server that says a byte now and then keeps the library waiting for ever."""
+    problems: list[Exception] = []
+
+    def work() -> None:
+        try:
+            _post(url, data)
+        except (OSError, HTTPException, ValueError) as problem:
+            problems.append(problem)
+
+    thread = threading.Thread(target=work, name="webhook", daemon=True)
+    thread.start()
+    thread.join(_TIMEOUT_S)
+    if thread.is_alive():
+        raise TimeoutError(f"it took longer than {_TIMEOUT_S:g} s")
+    if problems:
+        raise problems[0]
 
 
 def _post(url: str, data: bytes) -> None:
     head = {"Content-Type": "application/json"}
     request = urllib.request.Request(url, data, head)  # noqa: S310 (scheme checked in hooks_of)
-    with urllib.request.urlopen(request, timeout=_TIMEOUT_S):  # noqa: S310 (same)
-        pass
+    try:
+        urllib.request.urlopen(request, timeout=_TIMEOUT_S).close()  # noqa: S310 (same)
+    except urllib.error.HTTPError as answer:
+        answer.close()  # it holds the connection
+        raise

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import http.server
 import json
+import os
+import select
 import socket
+import socketserver
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -187,3 +190,47 @@ def test_a_command_that_hangs_is_said_in_words(monkeypatch: pytest.MonkeyPatch) 
     (hook,) = hooks_of("sleep 60", None, ABOUT, said.append)
     tell(hook, STARTED, LOST)
     assert said == ["hook sleep failed: it took longer than 0.05 s; the job goes on"]
+
+
+def test_a_command_that_hangs_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(5.7) What a script waits for outlived it: one more at each event, on the computer that feeds the mill."""
+    monkeypatch.setattr("dnc.hooks._TIMEOUT_S", 0.5)
+    script, alive = tmp_path / "hook.sh", tmp_path / "alive"
+    os.mkfifo(alive)
+    script.write_text(f"#!/bin/sh\nsleep 600 > {alive}\n")
+    script.chmod(0o755)
+    said: list[str] = []
+    (hook,) = hooks_of(str(script), None, ABOUT, said.append)
+    reader = os.open(alive, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        tell(hook, STARTED)
+        ended = select.poll()
+        ended.register(reader, select.POLLIN)
+        assert ended.poll(10_000) == [(reader, select.POLLHUP)]
+    finally:
+        os.close(reader)
+    assert len(said) == 1
+
+
+def test_a_web_address_that_answers_for_ever_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(5.7) A byte now and then kept each wait of the library short: nothing more was delivered, and nobody told."""
+    monkeypatch.setattr("dnc.hooks._TIMEOUT_S", 0.2)
+    is_over, said = threading.Event(), list[str]()
+
+    class Trickle(socketserver.BaseRequestHandler):
+        def handle(self) -> None:
+            """One endless head."""
+            self.request.sendall(b"HTTP/1.1 200 OK\r\nX-Mill: ")
+            while not is_over.wait(0.02):
+                self.request.sendall(b"a")
+
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Trickle) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        url = f"http://127.0.0.1:{server.server_address[1]}/mill"
+        (hook,) = hooks_of(None, url, ABOUT, said.append)
+        told = threading.Thread(target=tell, args=(hook, STARTED, LOST), daemon=True)
+        told.start()
+        told.join(10)
+        is_over.set()
+        server.shutdown()
+    assert said == [f"webhook {url} failed: it took longer than 0.2 s; the job goes on"]
