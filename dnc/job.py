@@ -95,8 +95,8 @@ class Job:
         publisher = Publisher(runtime_folder(), view, self.stream.command)
         if not publisher.start():
             self.events.add(alarms.UNWATCHED.at(time.monotonic(), 0))
-        self.journal.open()
         self._write_about()
+        self.journal.open()
         self._keep(lambda: begin_mark(self.port.identity, self.names.job_id, self.names.program))
         with _signals(self.stream):  # to the end: a second Ctrl-C must not take the record away
             try:
@@ -118,7 +118,7 @@ class Job:
         return self._finished(ended_s)
 
     def _write_about(self) -> None:
-        """What `dnc jobs` and `--resume` need of a job that ends without a word."""
+        """What `dnc jobs` and `--resume` need of a job that ends without a word; on disk before its journal is."""
         about = {
             "program": self.names.program,
             "machine": self.names.machine,
@@ -137,7 +137,8 @@ class Job:
             "started": self._started.isoformat(timespec="milliseconds"),
         }
         with contextlib.suppress(OSError):
-            write_whole(self._folder / "job.json", json.dumps(about, indent=1) + "\n")
+            self._folder.mkdir(parents=True, exist_ok=True)
+            write_whole(self._folder / "job.json", json.dumps(about, indent=1) + "\n", to_disk=True)
 
     def _keep(self, write: Callable[[], None]) -> None:
         """Write something of the job to disk; what fails is told afterwards, and stops nothing."""

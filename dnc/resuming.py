@@ -100,7 +100,11 @@ def plan_restart(
     doubt, stopped = None, None
     if start_at is None:
         stopped = _stopped_job(tape, machine[0], port, is_forced=is_forced)
-        doubt = _lines_in_doubt(stopped, tape, profile)
+        try:
+            doubt = _lines_in_doubt(stopped, tape, profile)
+        except (KeyError, TypeError, ValueError):
+            what = f"the record of the stopped job {stopped.job} is damaged"
+            raise JournalMismatch(f"{what}; use --start-at and the block that the control shows") from None
         line = _last_point_before(points, doubt[0], program)
         point = restart_at_line(data, line, heights, settings)
     elif start_at.upper().startswith("N") and start_at[1:].isdecimal():
@@ -205,8 +209,8 @@ def _heights(state: State, profile: MachineProfile) -> Heights:
 
 def _stopped_job(tape: Tape, machine: str, port: str | None, *, is_forced: bool) -> PastJob:
     """The last job of this program that sent anything through this port, which another port's jobs tell nothing of."""
-    sha = tape.program_sha256
-    jobs = [past for past in past_jobs(state_folder()) if sha in (_sha_of(past), _restarted(past))]
+    sha, known = tape.program_sha256, past_jobs(state_folder())
+    jobs = [past for past in known if sha in (_sha_of(past), _restarted(past))]
     jobs = [past for past in jobs if not past.values.get("rehearsal") and _has_sent(past)]
     if not jobs:
         raise JournalMismatch("no job of exactly this program is on record; use --start-at, or send it from its start")
@@ -215,6 +219,7 @@ def _stopped_job(tape: Tape, machine: str, port: str | None, *, is_forced: bool)
         what = f"no job of this program through {port} is on record; the last was {_name_of(jobs[-1])}"
         raise JournalMismatch(f"{what}; name its port, or --force if this one leads to the same control")
     last = mine[-1]
+    _refuse_nameless(known, last)
     if last.outcome == "RUNNING":
         raise JournalMismatch(f"the last job of this program ({last.job}) is RUNNING; there is nothing to resume")
     if last.outcome == "SENT":
@@ -226,6 +231,15 @@ def _stopped_job(tape: Tape, machine: str, port: str | None, *, is_forced: bool)
     if name not in (None, machine) and not is_forced:
         raise JournalMismatch(f"the stopped job ran on the machine {name}, this is {machine}; give --machine {name}")
     return last
+
+
+def _refuse_nameless(known: Sequence[PastJob], last: PastJob) -> None:
+    """Raise JournalMismatch if a later job lost its description, to a power cut say: it may have been the last one."""
+    for past in known:
+        if past.job > last.job and _sha_of(past) is None and _has_sent(past):
+            what = f"of the job {past.job}, later than {last.job}, it is not on record which program it sent"
+            remedy = "it may have been this one; use --start-at and the block that the control shows"
+            raise JournalMismatch(f"{what}; {remedy}")
 
 
 def _lines_in_doubt(last: PastJob, tape: Tape, profile: MachineProfile) -> tuple[int, int]:

@@ -54,10 +54,10 @@ def command(job: str | None, verify: bool, as_json: bool) -> None:
 
 def _sent(past: PastJob) -> str:
     values = past.values
-    sent, bound = values.get("bytes_sent", "?"), values.get("bound_bytes", 0)
+    sent, total, bound = values.get("bytes_sent", "?"), values.get("bytes_total", "?"), values.get("bound_bytes", 0)
     if isinstance(sent, int) and isinstance(bound, int) and bound > sent:  # what had left when it was killed
-        sent = f"{sent} to {min(bound, values.get('bytes_total', bound))}"
-    return f"{sent}/{values.get('bytes_total', '?')} bytes"
+        sent = f"{sent} to {min(bound, total) if isinstance(total, int) else bound}"
+    return f"{sent}/{total} bytes"
 
 
 def _page(past: PastJob) -> Iterator[tuple[str, str]]:
@@ -79,6 +79,7 @@ def _page(past: PastJob) -> Iterator[tuple[str, str]]:
             yield "in doubt", f"lines {first} to {last} of what was sent"
     if isinstance(values.get("restart"), dict):
         yield "restart", f"at line {values['restart'].get('line', '?')} of the program"
-    for alarm in values.get("alarms") or ():
+    alarms = values.get("alarms")
+    for alarm in alarms if isinstance(alarms, list) else ():
         if isinstance(alarm, dict):
             yield str(alarm.get("id", "alarm")), f"{alarm.get('text', '')}; {alarm.get('remedy', '')}"

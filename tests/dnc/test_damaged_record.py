@@ -3,20 +3,40 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from dnc.cli.main import run_with
+from dnc.errors import JournalMismatch
 from dnc.events import JobState
+from dnc.job import Job
 from dnc.journal import Journal
+from dnc.names import JobNames
+from dnc.places import write_whole
+from dnc.port import SerialPort
+from dnc.profile import load_profile
 from dnc.record import append_record
+from dnc.resuming import plan_restart
+from dnc.shipped import shipped_path
+from dnc.spool import load_tape
+from tests.helpers.line import PeerProcess, runtime_of, tape_of
+from tests.helpers.restarts import planned
 
 JOB = "20260101T000000.000000-1"
 
 
 @pytest.mark.parametrize(
-    "damage", [{"job": 5}, {"outcome": ["SENT"]}, {"bytes_sent": None, "bound_bytes": 7}, {"job": None}]
+    "damage",
+    [
+        {"job": 5},
+        {"outcome": ["SENT"]},
+        {"bytes_sent": None, "bound_bytes": 7},
+        {"job": None},
+        {"bytes_total": None, "bound_bytes": 7},
+        {"bytes_total": "9", "bound_bytes": 7, "alarms": 5, "restart": [1], "in_doubt": "12"},
+    ],
 )
 def test_a_damaged_line_is_found_and_the_others_are_listed(
     tmp_path: Path, damage: dict[str, object], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -32,6 +52,8 @@ def test_a_damaged_line_is_found_and_the_others_are_listed(
     assert run_with(["jobs"]) == 0
     told = capsys.readouterr().out
     assert (f"{JOB}0" in told, f"{JOB}2" in told) == (True, True)
+    assert run_with(["jobs", JOB]) == 0
+    assert f"{JOB}2" in capsys.readouterr().out
     assert run_with(["jobs", "--verify"]) == 9
     assert "records.jsonl:3:" in capsys.readouterr().err
 
@@ -50,3 +72,59 @@ def test_a_damaged_description_of_a_job_hides_no_other(
     assert run_with(["jobs"]) == 0
     told = capsys.readouterr().out
     assert (f"{JOB}0" in told, "INTERRUPTED" in told) == (True, True)
+
+
+@pytest.mark.parametrize("text", [b"", b"{}", None])
+def test_a_job_that_may_have_been_the_last_one_is_not_passed_over(
+    tmp_path: Path, text: bytes | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """(5.7; fault H1) A power cut took the last job's description: an older job told where to restart, 400 lines on."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    program = planned(tmp_path, passes=40)
+    profile = load_profile(shipped_path("machines", "sinumerik-840d"))
+    with closing(load_tape(program, profile.tape, tmp_path / "spool")) as tape:
+        older = {"job": f"{JOB}0", "outcome": "ABORTED", "program_sha256": tape.program_sha256, "in_doubt": [450, 460]}
+        append_record(tmp_path / "state/dnc", older)
+        plan = plan_restart(program, tape, ("mill", profile), None, None, port=None, is_forced=False)
+        assert plan.doubt == (450, 460)
+        folder = tmp_path / f"state/dnc/jobs/{JOB}1"
+        journal = Journal(folder / "journal", tape.sha256, 10, lambda: None)
+        journal.open()
+        journal.close(1000, JobState.SENDING)
+        if text is not None:
+            (folder / "job.json").write_bytes(text)
+        with pytest.raises(JournalMismatch, match=f"the job {JOB}1, later than {JOB}0, .* which program it sent"):
+            plan_restart(program, tape, ("mill", profile), None, None, port=None, is_forced=False)
+
+
+@pytest.mark.parametrize("damage", [{"in_doubt": "x"}, {"in_doubt": [1]}, {"restart": {"line": 5}}])
+def test_a_damaged_window_is_no_internal_fault(
+    tmp_path: Path, damage: dict[str, object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """(5.7) A sentence, and the way that is left."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    program = planned(tmp_path, passes=40)
+    profile = load_profile(shipped_path("machines", "sinumerik-840d"))
+    with closing(load_tape(program, profile.tape, tmp_path / "spool")) as tape:
+        record = {"job": JOB, "outcome": "ABORTED", "program_sha256": tape.program_sha256, "in_doubt": [450, 460]}
+        append_record(tmp_path / "state/dnc", record | damage)
+        with pytest.raises(JournalMismatch, match=f"the stopped job {JOB} is damaged; use --start-at"):
+            plan_restart(program, tape, ("mill", profile), None, None, port=None, is_forced=False)
+
+
+def test_what_a_job_is_lies_on_disk_before_its_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(5.7; fault H1) After a power cut the journal was there, and nobody knew of which program."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime_of(tmp_path)))
+    profile = load_profile(shipped_path("machines", "sinumerik-840d"))
+    written: list[tuple[str, bool, bool]] = []
+
+    def write(path: Path, text: str, *, to_disk: bool = False) -> None:
+        written.append((path.name, to_disk, (path.parent / "journal").exists()))
+        write_whole(path, text, to_disk=to_disk)
+
+    monkeypatch.setattr("dnc.job.write_whole", write)
+    with closing(tape_of(tmp_path, b"G1 X1\nM30\n")) as tape, PeerProcess(baud=9600) as peer:
+        job = Job(tape, SerialPort(peer.pty, profile.link), profile, JobNames(JOB, "part.mpf", "mill"), [])
+        assert job.run().exit_code == 0
+    assert written == [("job.json", True, False)]
