@@ -6,6 +6,7 @@ import fcntl
 import json
 import os
 import pty
+import select
 import subprocess
 import sys
 import threading
@@ -24,6 +25,7 @@ from dnc.port import SerialPort
 from dnc.portlist import find_ports
 from dnc.profile import Link
 from dnc.record import append_record
+from dnc.shipped import shipped_path
 from tests.helpers.line import read_until
 
 
@@ -174,6 +176,32 @@ def test_loopback_plug(change: object, good: bool, words: str) -> None:
     port.close()
     os.close(slave)
     os.close(master)
+
+
+@pytest.mark.parametrize("handshake", ["driver", "dtrdsr"])
+def test_the_plug_is_judged_without_the_profiles_handshake(tmp_path: Path, handshake: str) -> None:
+    """(5.9) The driver obeyed the DC3 that came back: "3 of 114 bytes, changed; replace the adapter"."""
+    machine = tmp_path / "m.toml"
+    shipped = shipped_path("machines", "sinumerik-840d").read_text()
+    machine.write_text(shipped.replace('handshake = "xonxoff"', f'handshake = "{handshake}"'))
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    is_over = threading.Event()
+
+    def echo() -> None:
+        while not is_over.is_set():
+            if select.select([master], [], [], 0.05)[0]:
+                os.write(master, os.read(master, 1))
+
+    thread = threading.Thread(target=echo)
+    thread.start()
+    words = ["doctor", "--port", os.ttyname(slave), "--loopback", "--machine", str(machine)]
+    ran = CliRunner().invoke(program, words, standalone_mode=False)
+    is_over.set()
+    thread.join(5)
+    os.close(slave)
+    os.close(master)
+    assert "114 bytes came back unchanged" in ran.output, ran.output
 
 
 def record(job: str, outcome: str = "SENT") -> dict[str, object]:
