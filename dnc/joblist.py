@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import os
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,9 @@ from dnc.errors import JournalMismatch
 from dnc.journal import read_journal
 
 _ENDS = frozenset({"SENT", "ABORTED", "FAULTED"})
+_STARTTIME = 19
+"""proc(5): field 22 of /proc/pid/stat, counted from the one behind the name; in clock ticks since boot."""
+_TICK_S = 0.1
 _RECORDED_ENDS = _ENDS | {"PAUSED", "NOT_STARTED"}  # by SIGTERM, or before the first byte
 
 
@@ -83,18 +88,25 @@ def _unrecorded(journal: Path) -> PastJob:
         found = json.loads((journal.parent / "job.json").read_text())
         about = found if isinstance(found, dict) else {}
     try:
-        last = read_journal(journal)[-1]
+        lines = read_journal(journal)
     except JournalMismatch as problem:
         return PastJob(job, "INTERRUPTED", {**about, "note": str(problem)})
-    pid = job.rpartition("-")[2]
-    is_alive = _is_ours(pid) and last.state.value not in _ENDS
+    last = lines[-1]
+    is_alive = _is_ours(job.rpartition("-")[2], lines[0].monotonic_s) and last.state.value not in _ENDS
     values = {**about, "bytes_sent": last.sent_bytes, "bound_bytes": last.bound_bytes, "state": last.state.value}
     return PastJob(job, "RUNNING" if is_alive else "INTERRUPTED", values)
 
 
-def _is_ours(pid: str) -> bool:
-    """Whether this process lives and is a dnc: after a power cut its number may have gone to another program."""
+def _is_ours(pid: str, begun_s: float) -> bool:
+    """Whether this process lives, is a dnc and is older than a journal that began at this monotonic time.
+
+    After a power cut its number may have gone to another program, and in a container each dnc has the same one.
+    """
     try:
-        return pid.isdigit() and b"dnc" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:
+        if not pid.isdigit() or b"dnc" not in Path(f"/proc/{pid}/cmdline").read_bytes():
+            return False
+        ticks = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[_STARTTIME])
+    except (OSError, ValueError, IndexError):
         return False
+    age_s = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
+    return 0.0 <= time.monotonic() - begun_s <= age_s + _TICK_S

@@ -10,6 +10,7 @@ import select
 import subprocess
 import sys
 import threading
+import time
 import tty
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from dnc.cli.main import program
 from dnc.doctor import Finding, examine, probe_loopback
 from dnc.events import JobState, LinkState
 from dnc.joblist import first_broken_link, past_jobs
-from dnc.journal import Journal
+from dnc.journal import Journal, Record
 from dnc.port import SerialPort
 from dnc.portlist import find_ports
 from dnc.profile import Link
@@ -135,6 +136,22 @@ def test_a_number_that_went_to_another_program_is_no_running_job(tmp_path: Path)
         (past,) = past_jobs(tmp_path)
         other.kill()
     assert past.outcome == "INTERRUPTED"
+
+
+@pytest.mark.parametrize(("age_s", "outcome"), [(0.0, "RUNNING"), (3600.0, "INTERRUPTED"), (-3600.0, "INTERRUPTED")])
+def test_a_dnc_that_began_after_the_job_is_not_its_process(tmp_path: Path, age_s: float, outcome: str) -> None:
+    """(5.7) In a container each dnc is process 1: a killed job was RUNNING for ever, and --resume refused it."""
+    words = [sys.executable, "-c", "print(flush=True); input()", "dnc"]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd="/") as process:
+        assert process.stdout is not None
+        process.stdout.readline()  # from here on it bears its own words
+        folder = tmp_path / f"jobs/20260101T000000.000000-{process.pid}"
+        folder.mkdir(parents=True)
+        record = Record(0, JobState.SENDING, bytes(16), 42, 142, time.monotonic() - age_s, time.time())
+        (folder / "journal").write_bytes(record.packed())
+        (past,) = past_jobs(tmp_path)
+        process.kill()
+    assert past.outcome == outcome
 
 
 def test_a_port_in_use_is_locked(tmp_path: Path) -> None:
