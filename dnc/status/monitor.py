@@ -154,6 +154,9 @@ class StatusMonitor:
                 code = answer.exception_code
                 refused |= dict.fromkeys(places, f"exception {code}, {EXCEPTIONS.get(code, 'unknown')}")
                 continue
+            if answer.function_code != request.function:
+                refused |= dict.fromkeys(places, "the answer is to another question than was asked")
+                continue
             is_bits = request.function in (1, 2)
             values = answer.bits if is_bits else answer.registers
             if len(values) != (-(-request.count // 8) * 8 if is_bits else request.count):

@@ -90,13 +90,21 @@ async def test_a_silent_device_is_seen_within_two_seconds() -> None:
         assert not monitor.status().is_available
 
 
+def as_if_asked_else(asked: bytes) -> bytes:
+    """Coils in place of inputs, holding registers in place of input registers; as long as what was asked for."""
+    count = int.from_bytes(asked[10:12], "big")
+    data = bytes(-(-count // 8)) if asked[7] == 2 else b"\0\1" * count
+    return (3 + len(data)).to_bytes(2, "big") + asked[6:7] + bytes([asked[7] - 1, len(data)]) + data
+
+
 @pytest.mark.parametrize(
     ("answer", "why"),
     [
         (lambda asked: asked, "another length than was asked for"),
         (lambda asked: asked[:4] + b"\0\3" + asked[6:7] + bytes([asked[7] | 0x80, 2]), "exception 2, illegal address"),
+        (lambda asked: asked[:4] + as_if_asked_else(asked), "to another question"),
     ],
-    ids=["echo", "refuses"],
+    ids=["echo", "refuses", "another function"],
 )
 async def test_a_device_that_answers_nonsense_has_no_values(answer: Callable[[bytes], bytes], why: str) -> None:
     """(2.1, M4): an echo was read as twelve inputs that are off, the chain of the emergency stop among them."""
