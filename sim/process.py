@@ -165,4 +165,6 @@ def _wait_for(wire: Wire, child: BaseProcess, kind: type[T], within_s: float, st
                 return message
         if wire.is_closed:
             break
+    if not wire.is_closed:
+        raise UserError(f"the mill's control process took longer than {within_s:g} s; try again when less else runs")
     raise UserError(f"the mill's control process ended without a word (code {child.exitcode}); please report this")
