@@ -131,7 +131,7 @@ class Job:
             "framing": framing_of(self.profile.tape),
             "receive_buffer_bytes": self.profile.control.receive_buffer_bytes,
             "lookahead_blocks": self.profile.control.lookahead_blocks,
-            "inflight_max_bytes": self.sender.clock.pace.inflight_max_bytes,
+            "beyond_recall_bytes": self.sender.clock.pace.beyond_recall_bytes,
             "restart": self.names.restart,
             "rehearsal": self.names.is_rehearsal,
             "started": self._started.isoformat(timespec="milliseconds"),

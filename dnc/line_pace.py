@@ -24,4 +24,5 @@ def pace_of(profile: MachineProfile) -> Pace:
     char_delay_s = link.char_delay_s
     if link.handshake == "xonxoff":
         char_delay_s = max(char_delay_s, answer_delay_s(byte_s, profile.control.xoff_free_bytes))
-    return Pace(byte_s, inflight, lag_s, slack, char_delay_s, link.line_delay_s)
+    unseen_bytes = link.adapter_fifo_bytes if link.handshake == "driver" else 0
+    return Pace(byte_s, inflight, lag_s, slack, char_delay_s, link.line_delay_s, unseen_bytes)

@@ -68,7 +68,8 @@ class Pace:
     """The line's measure: time of one byte, how many may be in flight, how late a run may begin.
 
     `lag_s` is the time that a byte may need to reach the line; `char_delay_s` stretches every byte and
-    `line_delay_s` follows every block end, for controls without a handshake.
+    `line_delay_s` follows every block end, for controls without a handshake. `unseen_bytes` is what an adapter that is
+    stopped may hold while this clock runs on: nobody sees a hold before that is full.
     """
 
     byte_s: float
@@ -77,6 +78,12 @@ class Pace:
     slack: float
     char_delay_s: float = 0.0
     line_delay_s: float = 0.0
+    unseen_bytes: int = 0
+
+    @property
+    def beyond_recall_bytes(self) -> int:
+        """The most that may have left this computer and never reach the control."""
+        return self.inflight_max_bytes + self.unseen_bytes
 
 
 class ByteClock:

@@ -33,7 +33,8 @@ class Link(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The serial line; characters are written data bits, parity, stop bits, such as 7E2.
 
     Without `inflight_max_bytes` the baud rate decides (pacing.default_inflight_bytes). `adapter_latency_s` is what an
-    adapter adds between the control's XOFF and the moment we can read it.
+    adapter adds between the control's XOFF and the moment we can read it, `adapter_fifo_bytes` what one that obeys XOFF
+    itself (handshake driver) may hold back without our knowing.
     """
 
     baud: Annotated[int, Meta(ge=50, le=4_000_000)] = 9600
@@ -47,6 +48,7 @@ class Link(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     hold_warning_s: Waiting = 120.0
     inflight_max_bytes: Annotated[int, Meta(ge=1)] | None = None
     adapter_latency_s: Delay = 0.0
+    adapter_fifo_bytes: Count = 4096
     software_parity: bool = False
     char_delay_s: Delay = 0.0
     line_delay_s: Delay = 0.0

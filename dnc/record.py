@@ -66,7 +66,7 @@ def doubt_of(sender: Sender, control: Control) -> InDoubt | None:
     After an alarm or a reset nobody knows how much of what was sent the control took: its buffer may have run over.
     What it had executed when it last said XON is certain, unless noise came too: an XON may have been noise.
     """
-    inflight_bytes, proven_bytes = sender.clock.pace.inflight_max_bytes, None
+    inflight_bytes, proven_bytes = sender.clock.pace.beyond_recall_bytes, None
     if sender.last_cause in _UNTOLD:
         proven_bytes = (sender.tally.xon_offset_bytes or 0) - control.xon_fill_bytes - inflight_bytes
     found = in_doubt(sender.tape, sender.offset_bytes, inflight_bytes, control, proven_bytes)

@@ -273,7 +273,7 @@ def _held_at_most(values: dict[str, Any], profile: MachineProfile) -> tuple[Cont
         receive_buffer_bytes=max(now.receive_buffer_bytes, int(values.get("receive_buffer_bytes", 0))),
         lookahead_blocks=max(now.lookahead_blocks, int(values.get("lookahead_blocks", 0))),
     )
-    return control, max(pace_of(profile).inflight_max_bytes, int(values.get("inflight_max_bytes", 0)))
+    return control, max(pace_of(profile).beyond_recall_bytes, int(values.get("beyond_recall_bytes", 0)))
 
 
 def _has_sent(past: PastJob) -> bool:

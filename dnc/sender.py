@@ -185,8 +185,13 @@ class Sender:
         self.tally.bytes_sent -= count_bytes
 
     def thrown_away(self, queued_bytes: int, now_s: float) -> None:
-        """The queues below are being emptied: up to so many of the last bytes, or those in flight, never arrive."""
-        self._thrown_bytes = max(queued_bytes, self.clock.inflight_bytes(now_s))
+        """The queues below are being emptied: up to so many of the last bytes, or those in flight, never arrive.
+
+        Where an adapter may hold bytes unseen, it may lose or keep them.
+        """
+        clock = self.clock
+        unseen_bytes = clock.pace.beyond_recall_bytes if clock.pace.unseen_bytes else 0
+        self._thrown_bytes = max(queued_bytes, clock.inflight_bytes(now_s), unseen_bytes)
 
     def tick(self, now_s: float) -> list[Event]:
         """Let time pass: block ends reached, time-outs, the last byte gone."""
