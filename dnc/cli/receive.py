@@ -52,6 +52,7 @@ def command(
     """
     import dataclasses
 
+    from dnc.errors import PortLost
     from dnc.punch_in import PunchIn
     from dnc.receiving import Stored, receive
     from dnc.sending import link_with, machine_profile, open_port
@@ -75,6 +76,8 @@ def command(
             opened.write(bytes([link.xon]))
         punch_in = PunchIn(silence_s, max_bytes, is_seven_bit=link.software_parity)
         haul = receive(opened, punch_in, folder, count, wait_s, say)
+    except PortLost as problem:
+        raise PortLost(f"{label}{problem}") from None
     finally:
         opened.close()
     if as_json:

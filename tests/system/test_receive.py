@@ -101,6 +101,7 @@ def test_a_program_cut_by_the_line_is_kept_as_partial(tmp_path: Path) -> None:
         code, words = punch.finish()
     assert code == 5
     assert (tmp_path / "O77.partial").read_bytes() == BEGUN
+    assert words[-1].startswith("dnc: SIMULATED: /dev/pts/")
     assert not any("Traceback" in word for word in words)
 
 
