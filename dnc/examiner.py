@@ -18,6 +18,7 @@ import msgspec
 from dnc.events import Alarm, Event, JobState, StateChanged
 from dnc.job import Job
 from dnc.joblist import known_ids
+from dnc.line_pace import pace_of
 from dnc.names import JobNames, new_job_id
 from dnc.places import made_state_folder, state_folder
 from dnc.port import Port
@@ -48,10 +49,14 @@ class Verdict(Enum):
     BROKEN_OFF = "the test was broken off before the control had to stop us"
 
 
-def to_and_fro(control: Control) -> bytes:
-    """Moves of 0.01 mm to and fro in X from where the machine stands, three times what the buffer holds."""
+def to_and_fro(control: Control, unseen_bytes: int = 0) -> bytes:
+    """Moves of 0.01 mm to and fro in X from where the machine stands, three times what the buffer holds.
+
+    So many bytes more may lie in an adapter that obeys XOFF itself.
+    """
     pair = b"G1 X0.01\nG1 X-0.01\n"
-    return b"G91 G94 G1 F10\n" + pair * (3 * control.receive_buffer_bytes // len(pair) + 50) + b"G90\nM30\n"
+    count = (3 * control.receive_buffer_bytes + unseen_bytes) // len(pair) + 50
+    return b"G91 G94 G1 F10\n" + pair * count + b"G90\nM30\n"
 
 
 class Examiner:
@@ -60,7 +65,8 @@ class Examiner:
     def __init__(self, stream: Stream, control: Control, resume_wait_s: float, say: Callable[[str], None]) -> None:
         self.verdict = Verdict.BROKEN_OFF
         self._stream, self._resume_wait_s, self._say = stream, resume_wait_s, say
-        self._limit_bytes = control.receive_buffer_bytes + control.lookahead_blocks * 20 + 1000
+        held_bytes = control.receive_buffer_bytes + control.lookahead_blocks * 20
+        self._limit_bytes = held_bytes + stream.sender.clock.pace.unseen_bytes + 1000
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="examiner", daemon=True)
 
@@ -127,7 +133,7 @@ def examine(
 
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "test-handshake.mpf"
-        program.write_bytes(to_and_fro(profile.control))
+        program.write_bytes(to_and_fro(profile.control, pace_of(profile).unseen_bytes))
         tape = load_tape(program, Tape(), made_state_folder() / "spool", profile.link.data_bits)
     silent = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, hold_timeout_s=0.0))
     job = Job(tape, port, silent, JobNames(new_job_id(known_ids(state_folder())), "test-handshake", machine), [tell])
