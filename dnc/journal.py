@@ -7,6 +7,7 @@ power cut the last good record therefore bounds what the control can have receiv
 
 from __future__ import annotations
 
+import errno
 import os
 import struct
 import threading
@@ -137,7 +138,8 @@ class Journal:
         now_s, wall_s = time.monotonic(), time.time()
         record = Record(self._seq, state, self._job, sent, max(bound, self.bound_bytes), now_s, wall_s)
         try:
-            os.write(self._fd, record.packed())
+            if os.write(self._fd, record.packed()) < RECORD_BYTES:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fdatasync(self._fd)
         except OSError as problem:
             self._give_up(problem)

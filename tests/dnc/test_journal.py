@@ -90,6 +90,20 @@ def test_a_full_disk_is_a_problem_not_a_stop(tmp_path: Path) -> None:
     assert nowhere.problem
 
 
+def test_a_record_that_was_not_written_whole_is_no_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(H2) A disk may take a part of a record and say no more than how much: what is torn bounds nothing."""
+    journal, progress = journal_at(tmp_path / "journal")
+    journal.open()
+    really = os.write
+    monkeypatch.setattr(os, "write", lambda fd, data: really(fd, data[: RECORD_BYTES // 2]))
+    journal.note(600, JobState.SENDING)
+    assert progress.wait(10)
+    assert journal.problem == "No space left on device"
+    assert journal.bound_bytes == UNBOUNDED
+    assert [record.bound_bytes for record in read_journal(tmp_path / "journal")] == [1000]
+    journal.close(600, JobState.SENDING)
+
+
 def test_a_stalled_disk_holds_up_only_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """(H3) `note` returns at once while the disk stands; the bound stays where it was durable."""
     journal, progress = journal_at(tmp_path / "journal")
