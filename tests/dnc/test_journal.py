@@ -31,6 +31,24 @@ def test_a_bound_is_durable_before_anything_may_leave(tmp_path: Path) -> None:
     journal.close(0, JobState.LOADED)
 
 
+def test_a_bound_waits_for_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(5.6; decision 21) Written is not durable: no bound counts before the disk has been asked to keep it."""
+    journal, progress = journal_at(tmp_path / "journal")
+    kept: list[tuple[int, int]] = []
+    really = os.fdatasync
+
+    def keep(fd: int) -> None:
+        kept.append((journal.bound_bytes, read_journal(tmp_path / "journal")[-1].bound_bytes))
+        really(fd)
+
+    monkeypatch.setattr(os, "fdatasync", keep)
+    journal.open()
+    journal.note(600, JobState.SENDING)
+    assert progress.wait(10)
+    journal.close(600, JobState.SENDING)
+    assert kept[:2] == [(0, 1000), (1000, 1600)]
+
+
 def test_the_bound_runs_ahead_and_never_back(tmp_path: Path) -> None:
     journal, progress = journal_at(tmp_path / "journal")
     journal.open()

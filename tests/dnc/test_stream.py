@@ -15,7 +15,7 @@ from typing import Self
 import pytest
 
 from dnc.events import Alarm, Event, JobState
-from dnc.journal import UNBOUNDED
+from dnc.journal import UNBOUNDED, Journal, read_journal
 from dnc.pacing import Pace
 from dnc.port import Flow, SerialPort
 from dnc.profile import Link
@@ -260,13 +260,15 @@ def test_foreign_settings_pause(tmp_path: Path, cable: Cable, monkeypatch: pytes
 
 
 def test_a_computer_that_slept_pauses(tmp_path: Path, cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
-    """(fault H5)"""
-    slow = Pace(byte_s=1e-3, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
-    running = Running(tmp_path, cable, slow)
+    """(fault H5) Once: what the operator has looked at and resumed goes on past the next look, a second later."""
+    slow = Pace(byte_s=5e-4, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
+    running = Running(tmp_path, cable, slow, b"G1 X1\n" * 500)
     monkeypatch.setattr("dnc.stream._asleep_s", lambda: 3600.0)
     with running:
         running.wait_for(JobState.PAUSED)
-        assert "DNC-H5" in [event.id for event in running.events if isinstance(event, Alarm)]
+        running.stream.command(Command.RESUME)
+        running.wait_for(JobState.SENT)
+        assert [event.id for event in running.events if isinstance(event, Alarm)] == ["DNC-H5"]
 
 
 def test_a_journal_that_fails_is_an_alarm_once(tmp_path: Path, cable: Cable) -> None:
@@ -277,6 +279,25 @@ def test_a_journal_that_fails_is_an_alarm_once(tmp_path: Path, cable: Cable) -> 
         assert cable.read_all(len(PROGRAM)) == PROGRAM
         running.wait_for(JobState.SENT)
         assert [event.id for event in running.events if isinstance(event, Alarm)] == ["DNC-H2"]
+
+
+def test_the_journal_keeps_ahead_of_the_whole_tape(tmp_path: Path, cable: Cable) -> None:
+    """(5.6, 5.7; decision 21) Of 200 bytes ahead none may leave before the disk has them, and all of the tape does."""
+    running = Running(tmp_path, cable)
+    journal = Journal(tmp_path / "journal", "ab" * 32, 200, running.stream.wake)
+    running.stream.journal, write = journal, running.port.write
+
+    def write_within(data: bytes) -> int:
+        assert running.sender.offset_bytes <= read_journal(tmp_path / "journal")[-1].bound_bytes
+        return write(data)
+
+    running.port.write = write_within  # type: ignore[method-assign]
+    journal.open()
+    with running:
+        assert cable.read_all(len(PROGRAM)) == PROGRAM
+        running.wait_for(JobState.SENT)
+    journal.close(running.sender.offset_bytes, running.sender.state)
+    assert read_journal(tmp_path / "journal")[-1].sent_bytes == len(PROGRAM)
 
 
 def test_nothing_leaves_beyond_the_journal(tmp_path: Path, cable: Cable) -> None:
