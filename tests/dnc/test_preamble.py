@@ -31,6 +31,16 @@ def test_order_is_z_tool_spindle_xy_coolant_plunge() -> None:
         assert move.start[2] == move.end[2] or move.start[:2] == move.end[:2]
 
 
+def test_the_spindle_is_waited_for_only_if_there_is_a_time_to_wait() -> None:
+    """(6.8) G4 F0 is a block that a control may refuse."""
+    data, line = program(), HEAD.count("\n") + 3
+    waits = [
+        [block for block in restart_at_line(data, line, heights).preamble if block.startswith("G4")]
+        for heights in (HEIGHTS, dataclasses.replace(HEIGHTS, dwell_s=0.0))
+    ]
+    assert waits == [["G4 F2"], []]
+
+
 def test_modes_frame_and_offset_are_those_before_the_block() -> None:
     """Everything modal is as it was, the path mode included (6.8)."""
     data = (HEAD + "G1 Z1 F100\nG642 CTOL=.02 SOFT\nX10 F250\nX20\nG0 Z50\nM30\n").encode()

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import random
+import re
 
 import pytest
 
 from dnc.errors import InputRejected
-from dnc.restart import restart_at_line, restart_at_number
+from dnc.restart import clear_points, restart_at_line, restart_at_number
 from sim.interpreter import canon
 from sim.interpreter.run import interpret
 from sim.interpreter.settings import Settings, Tool
@@ -86,7 +87,43 @@ def test_places_that_cannot_be_restored_are_refused_with_a_better_one(middle: st
     settings = Settings(tools={2: Tool(4.0)})
     with pytest.raises(InputRejected, match=words) as caught:
         restart_at_line(data, line, HEIGHTS, settings)
-    assert "restart at line" in str(caught.value)
+    named = re.search(r"restart at line (\d+)", str(caught.value))
+    assert named is not None
+    assert restart_at_line(data, int(named[1]), HEIGHTS, settings).line == int(named[1]) < line
+    for later in range(int(named[1]) + 1, line):
+        with pytest.raises(InputRejected):
+            restart_at_line(data, later, HEIGHTS, settings)
+
+
+def test_before_a_tool_is_called_no_line_is_named() -> None:
+    """(6.8) A tool that has a name and no number counts as called."""
+    head = HEAD.replace("T2 M6\n", "") + "ROT RPL=30\nG1 X10 F250\n"
+    line = head.count("\n")
+    with pytest.raises(InputRejected, match="run the program from its start"):
+        restart_at_line((head + "M30\n").encode(), line, HEIGHTS)
+    named = head.replace("G0 Z50\n", 'G0 Z50\nT="BALL" M6\n')
+    with pytest.raises(InputRejected, match=f"restart at line {line}$"):
+        restart_at_line((named + "M30\n").encode(), line + 1, HEIGHTS)
+
+
+def test_a_last_line_without_an_end_is_a_line_and_behind_it_is_none() -> None:
+    """(6.8) Files that were cut or written by hand end so."""
+    data = (HEAD + "G1 Z1 F100\nX10\nX20").encode()
+    last = len(data.splitlines())
+    point = restart_at_line(data, last, HEIGHTS)
+    assert data[point.offset_bytes :] == b"X20"
+    with pytest.raises(InputRejected, match=f"no line {last + 1}"):
+        restart_at_line(data, last + 1, HEIGHTS)
+    with pytest.raises(InputRejected, match=f"no line {last + 1}"):
+        restart_at_line(data + b"\n", last + 1, HEIGHTS)
+
+
+def test_clear_points_are_where_passes_end() -> None:
+    """(6.8) Once for each time the tool stands clear, behind a rapid, with a tool: a cut up there is no pass's end."""
+    blocks = "G0 Z10\nG0 X1\nG1 Z1 F100\nX10\nG0 Z10\nX0\nG1 Z1 F100\nX10\nG1 Z20\nX20\nG1 Z1\nG0 Z10\nM30\n"
+    data = (HEAD + "G1 Z1 F100\n" + blocks).encode()
+    first = HEAD.count("\n") + 1
+    assert [point.line for point in clear_points(data, HEIGHTS)] == [6, first + 2, first + 6, first + 13]
 
 
 def test_numbers_that_are_missing_or_stand_twice() -> None:
