@@ -174,3 +174,27 @@ def test_a_block_that_an_alarm_may_have_torn_is_cut(tmp_path: Path) -> None:
         assert (sender.state, sender.may_be_cut) == (JobState.PAUSED, False)
         sender.hear(told, 1.0)
         assert (sender.is_over, sender.is_cut, sender.may_be_cut) == (True, False, may_be_cut)
+
+
+def test_noise_stops_a_job_again_after_the_operator_has_resumed_it(tmp_path: Path) -> None:
+    """(5.3; fault L14) He has looked, once: as much noise again is as much reason to stop as the first time."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    sender.start(0.0)
+    for at_s in (1.0, 2.0):
+        events = [event for number in range(100) for event in sender.hear(b"ab"[number % 2 :][:1], at_s)]
+        assert alarm_ids(events) == ["DNC-L14", "DNC-L14P"]
+        assert sender.state is JobState.PAUSED
+        sender.resume(at_s + 0.5)
+        assert sender.state is JobState.SENDING
+
+
+def test_a_leader_thrown_out_of_the_queue_cuts_no_block(tmp_path: Path) -> None:
+    """(5.4, 5.7) NULs alone left: the next program begins behind nothing."""
+    for sent_bytes, may_be_cut in ((20, False), (32, True)):
+        sender = sender_of(tape_of(tmp_path, PROGRAM, leader="\\NUL*30"))
+        sender.start(0.0)
+        for at_s in range(sent_bytes):
+            sender.take(min(1, sent_bytes - sender.offset_bytes), float(at_s))
+        sender.abort(99.0)
+        sender.thrown_away(10, 99.0)
+        assert (sender.offset_bytes, sender.may_be_cut) == (sent_bytes, may_be_cut)

@@ -171,7 +171,8 @@ def test_m30_that_stops_reading_ends_as_sent_with_a_note(tmp_path: Path) -> None
     assert sender.next_wake_s == pytest.approx(now_s + 2.0)
     sender.tick(now_s + 2.0)
     assert sender.state is JobState.SENT
-    assert "trailer not taken" in sender.note
+    left_bytes = len(PROGRAM) + 40 - sender.offset_bytes
+    assert f"; {left_bytes} bytes of trailer not taken" in sender.note
 
 
 def test_a_resume_takes_a_pause_back(tmp_path: Path) -> None:

@@ -122,6 +122,7 @@ def test_no_core_spins_while_held_or_full(tmp_path: Path, cable: Cable) -> None:
     with Running(tmp_path, cable) as running:
         os.write(cable.master, XOFF)
         running.wait_for(JobState.HELD)
+        running.stream.wake()  # as the journal does: one look around, and sleep again
         before_s = time.process_time()
         threading.Event().wait(1.0)
         assert time.process_time() - before_s < 0.02
@@ -175,6 +176,24 @@ def test_the_first_bytes_lie_ready_for_the_end_of_a_hold(
         stream._step()
     assert cable.read_all(sender.offset_bytes) == PROGRAM[: sender.offset_bytes]
     assert sender.offset_bytes > accepted
+    stream.close()
+    port.close()
+
+
+def test_what_lay_ready_for_one_hold_does_not_leave_after_the_next(tmp_path: Path, cable: Cable) -> None:
+    """(5.1, 5.2) Bytes laid ready and left once would, with the XON of the next hold, be cut a second time."""
+    now_s = [1.0]
+    port, sender = SerialPort(cable.name, Link()), sender_of(tape_of(tmp_path, PROGRAM))
+    stream = Stream(sender, port, NoJournal(), lambda _: None, clock=lambda: now_s[0])  # type: ignore[arg-type]
+    sender.start(now_s[0])
+    for _ in range(4):
+        for heard in (XOFF, XON):
+            os.write(cable.master, heard)
+            for _ in range(3):
+                now_s[0] += 0.01
+                stream._step()
+    assert cable.read_all(sender.offset_bytes) == PROGRAM[: sender.offset_bytes]
+    assert sender.tally.bytes_sent == sender.offset_bytes > 24
     stream.close()
     port.close()
 
@@ -272,11 +291,11 @@ def test_a_computer_that_slept_pauses(tmp_path: Path, cable: Cable, monkeypatch:
 
 
 def test_a_journal_that_fails_is_an_alarm_once(tmp_path: Path, cable: Cable) -> None:
-    """(fault H2)"""
-    running = Running(tmp_path, cable)
+    """(fault H2) Not once a second: the job goes on for longer than that."""
+    slow = Pace(byte_s=5e-4, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
+    running = Running(tmp_path, cable, slow, b"G1 X1\n" * 500)
     running.stream.journal.problem = "No space left on device"
     with running:
-        assert cable.read_all(len(PROGRAM)) == PROGRAM
         running.wait_for(JobState.SENT)
         assert [event.id for event in running.events if isinstance(event, Alarm)] == ["DNC-H2"]
 

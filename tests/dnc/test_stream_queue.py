@@ -119,6 +119,27 @@ def test_a_block_thrown_out_of_the_queue_is_cut(act: Command, looks: float, stat
     port.close()
 
 
+class TakingPort(BrokenPort):
+    """A port that takes everything at once."""
+
+    def write(self, data: bytes) -> int:
+        return len(data)
+
+
+def test_a_run_that_woke_late_stays_within_the_journal(tmp_path: Path) -> None:
+    """(5.6; decision 21) The clock has room for much then; of what the disk holds, some bytes are left."""
+    port, journal, moments = TakingPort(PortLost("")), NoJournal(), itertools.count()
+    journal.bound_bytes = 100
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(0.001, 64, 0.0, slack=0.0))
+    stream = Stream(sender, port, journal, lambda _: None, clock=lambda: float(next(moments)))  # type: ignore[arg-type]
+    sender.start(0.0)
+    stream._housekeep_at_s = math.inf
+    stream._coast()
+    assert sender.offset_bytes == journal.bound_bytes
+    stream.close()
+    port.close()
+
+
 class DrivenPort(BrokenPort):
     """A port whose driver obeys XOFF itself; of what it is given, so much waits."""
 
@@ -142,6 +163,12 @@ def test_a_slow_byte_is_no_hold(tmp_path: Path, baud: int, patience_s: float) ->
     assert sender.state is JobState.SENDING
     stream._watch_flow(1.1 * patience_s)
     assert sender.state is JobState.HELD
+    port.waiting_bytes = 0
+    stream._watch_flow(50.0)  # patience counts from when bytes last moved
+    assert sender.state is JobState.SENDING
+    port.waiting_bytes = 2
+    stream._watch_flow(50.0 + 0.95 * patience_s)
+    assert sender.state is JobState.SENDING
     stream.close()
     port.close()
 
