@@ -20,7 +20,7 @@ from dnc.pacing import Pace
 from dnc.port import Flow, SerialPort
 from dnc.profile import Link
 from dnc.stream import Command, Stream
-from tests.helpers.line import XOFF, XON, NoJournal, sender_of, tape_of
+from tests.helpers.line import XOFF, XON, NoJournal, sender_of, states, tape_of
 
 FAST = Pace(byte_s=20e-6, inflight_max_bytes=64, lag_s=0.0, slack=0.0)
 PROGRAM = b"".join(b"N%d G1 X%d\n" % (index * 10, index) for index in range(1, 401)) + b"M30\n%\n"
@@ -104,6 +104,7 @@ def test_the_exact_bytes_arrive(tmp_path: Path, cable: Cable) -> None:
     with Running(tmp_path, cable) as running:
         assert cable.read_all(len(PROGRAM)) == PROGRAM
         running.wait_for(JobState.SENT)
+    assert states(running.events) == [JobState.SENDING, JobState.DRAINING, JobState.SENT]
 
 
 def test_a_full_queue_loses_and_repeats_nothing(tmp_path: Path, cable: Cable) -> None:

@@ -45,6 +45,25 @@ def test_what_a_control_no_longer_reads_is_thrown_away(tmp_path: Path) -> None:
     port.close()
 
 
+def test_the_end_of_a_tape_may_lie_in_the_queue_for_a_while(tmp_path: Path) -> None:
+    """(5.4, 5.5) A late driver is no control that stopped reading: 2 s from when the line should have fallen silent."""
+    port = StuckPort(PortLost(""))
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(1e-9, 64, 0.0, slack=0.0))
+    moments = itertools.count(1000.0, 0.1)
+
+    def clock() -> float:
+        now_s = next(moments)
+        if sender.state is JobState.DRAINING and now_s > sender.clock.idle_at_s + 1.5:
+            port.stuck_bytes = 0
+        return now_s
+
+    stream = Stream(sender, port, NoJournal(), lambda _: None, clock=clock)  # type: ignore[arg-type]
+    stream.run()
+    assert (sender.state, sender.note, port.is_purged) == (JobState.SENT, "", False)
+    stream.close()
+    port.close()
+
+
 @pytest.mark.parametrize("goes_on", [True, False])
 def test_blocks_that_the_control_has_not_taken_are_waited_for(tmp_path: Path, *, goes_on: bool) -> None:
     """(5.3, 5.4; faults A9, C6) M0 or a tool change near the end: M30 was thrown away after 2 s and called SENT."""
