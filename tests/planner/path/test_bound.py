@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline, make_lsq_spline
 
-from planner.path.bound import certify_all
+from planner.path.bound import certify_all, hermite_peaks
 from planner.path.curve import ExactCurve
 from planner.path.model import DrivingPlane, Method, PlaneSpline
 from planner.path.offset import OffsetSurface
@@ -217,6 +217,21 @@ def test_random_curves_never_exceed_the_bound() -> None:
 def test_ten_thousand_random_curves_never_exceed_the_bound() -> None:
     """(4.3) The same for 10,000 curves."""
     bound_of_random_curves(range(10_000))
+
+
+def test_the_peak_of_a_hermite_cubic_is_neither_missed_nor_overdone() -> None:
+    """(4.3) Of 2,000 cubics at random, of parabolas, lines, and one that is zero: the largest size on [0, 1]."""
+    rng = np.random.default_rng(5)
+    y0, y1, d0, d1 = rng.normal(size=(4, 2000)) * 10.0 ** rng.uniform(-3, 3, (4, 2000))
+    y1[:200] = y0[:200] + (d0[:200] + d1[:200]) / 2  # parabolas
+    d0[100:200] = d1[100:200] = y1[100:200] - y0[100:200]  # lines
+    y0[0] = y1[0] = d0[0] = d1[0] = 0.0
+    s = np.linspace(0, 1, 4001)[:, None]
+    values = y0 * (1 + s**2 * (2 * s - 3)) + y1 * s**2 * (3 - 2 * s) + s * (1 - s) * (d0 * (1 - s) - d1 * s)
+    seen, peaks = np.abs(values).max(axis=0), hermite_peaks(y0, y1, d0, d1)
+    assert (peaks >= seen * (1 - 1e-12)).all()
+    size = np.max(np.abs([y0, y1, d0, d1]), axis=0)
+    assert (peaks <= seen + 1e-6 * size).all()
 
 
 def test_a_spline_that_may_stand_still_leaves_the_slope_open_without_a_division_by_zero() -> None:
