@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from dnc import alarms
 from dnc.events import Held, JobState, Resumed
 from dnc.pacing import Pace
 from tests.helpers.line import XOFF, XON, alarm_ids, drain, sender_of, states, tape_of
@@ -225,3 +226,15 @@ def test_sent_is_said_when_the_last_byte_has_left_the_line(tmp_path: Path) -> No
     assert sender.next_wake_s == pytest.approx(0.007)
     assert sender.tick(0.0069) == []
     assert states(sender.tick(0.0071)) == [JobState.SENT]
+
+
+def test_every_event_says_when_and_where(tmp_path: Path) -> None:
+    """(5.1, 5.7) The log is read by time and by byte: neither stands in the other's place."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM), hold_warning_s=30.0)
+    sender.start(0.0)
+    assert len(sender.take(3, 0.0)) == 3
+    spoken = [(0.5, sender.hear(XOFF, 0.5)), (40.0, sender.tick(40.0)), (41.0, sender.hear(b"?", 41.0))]
+    spoken += [(42.0, sender.hear(XON, 42.0)), (43.0, sender.disturb(alarms.SLEPT, "9 s", 43.0))]
+    assert [len(events) for _, events in spoken] == [2, 1, 1, 2, 2]
+    for at_s, events in spoken:
+        assert {(event.time_s, event.offset_bytes) for event in events} == {(at_s, 3)}

@@ -44,6 +44,20 @@ def test_a_process_that_leaves_is_not_held_back(later: Command, tmp_path: Path) 
     port.close()
 
 
+def test_an_abort_ends_a_process_that_leaves_at_once(tmp_path: Path) -> None:
+    """(5.7) Ctrl-C while a SIGTERM waits for the end of the block: nothing waits for anything any more."""
+    port = BrokenPort(PortLost(""))
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(0.01, 3, 0.0, slack=0.0))
+    stream = Stream(sender, port, NoJournal(), lambda _: None)  # type: ignore[arg-type]
+    sender.start(0.0)
+    sender.take(3, 0.0)
+    stream._obey(Command.LEAVE, 0.1)
+    stream._obey(Command.ABORT, 0.2)
+    assert (sender.state, stream.last_command) == (JobState.ABORTED, Command.ABORT)
+    stream.close()
+    port.close()
+
+
 class SilentPort(BrokenPort):
     """A port whose look at the modem lines, once a second, finds the control gone."""
 

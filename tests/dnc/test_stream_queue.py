@@ -15,7 +15,7 @@ from dnc.pacing import Pace
 from dnc.port import Flow
 from dnc.stream import Command, Stream
 from tests.helpers.broken_port import PROGRAM, BrokenPort
-from tests.helpers.line import NoJournal, alarm_ids, sender_of, tape_of
+from tests.helpers.line import XOFF, NoJournal, alarm_ids, sender_of, tape_of
 
 
 class StuckPort(BrokenPort):
@@ -57,9 +57,11 @@ def test_the_end_of_a_tape_may_lie_in_the_queue_for_a_while(tmp_path: Path) -> N
             port.stuck_bytes = 0
         return now_s
 
-    stream = Stream(sender, port, NoJournal(), lambda _: None, clock=clock)  # type: ignore[arg-type]
+    left_bytes: list[int] = []
+    stream = Stream(sender, port, NoJournal(), lambda _: left_bytes.append(port.stuck_bytes), clock=clock)  # type: ignore[arg-type]
     stream.run()
     assert (sender.state, sender.note, port.is_purged) == (JobState.SENT, "", False)
+    assert left_bytes == [2, 2, 0]  # SENDING, DRAINING, SENT
     stream.close()
     port.close()
 
@@ -139,10 +141,46 @@ def test_a_block_thrown_out_of_the_queue_is_cut(act: Command, looks: float, stat
 
 
 class TakingPort(BrokenPort):
-    """A port that takes everything at once."""
+    """A port that takes everything at once; what is asked of the loop meanwhile is asked at the first write."""
+
+    waiting_bytes = 0
+    asked: Command | None = None
+    stream: Stream | None = None
 
     def write(self, data: bytes) -> int:
+        if self.asked is not None and self.stream is not None:
+            self.stream.command(self.asked)
+            self.asked = None
         return len(data)
+
+    def queued_bytes(self) -> int:
+        return self.waiting_bytes
+
+
+def test_a_process_that_leaves_sends_its_block_to_the_end(tmp_path: Path) -> None:
+    """(5.7) SIGTERM in the middle of a block of which the line takes two bytes at a time."""
+    port, moments = TakingPort(PortLost("")), itertools.count(0.0, 0.1)
+    sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(0.001, 2, 0.0, slack=0.0))
+    stream = port.stream = Stream(sender, port, NoJournal(), lambda _: None, clock=lambda: next(moments))  # type: ignore[arg-type]
+    port.asked = Command.LEAVE
+    stream.run()
+    assert (sender.state, sender.offset_bytes) == (JobState.PAUSED, len(b"G1 X1\n"))
+    stream.close()
+    port.close()
+
+
+def test_nothing_is_laid_ready_while_bytes_wait_below(tmp_path: Path) -> None:
+    """(5.2) With what still waits in the system's queue they would be more than may be beyond recall."""
+    port = TakingPort(PortLost(""))
+    sender = sender_of(tape_of(tmp_path, PROGRAM))
+    stream = Stream(sender, port, NoJournal(), lambda _: None)  # type: ignore[arg-type]
+    sender.start(0.0)
+    sender.hear(XOFF, 0.0)
+    for port.waiting_bytes, ready in ((1, b""), (0, PROGRAM[:3])):
+        stream._lay_ready(1.0)
+        assert stream._answer == ready
+    stream.close()
+    port.close()
 
 
 def test_a_run_that_woke_late_stays_within_the_journal(tmp_path: Path) -> None:
