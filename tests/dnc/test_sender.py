@@ -238,3 +238,19 @@ def test_every_event_says_when_and_where(tmp_path: Path) -> None:
     assert [len(events) for _, events in spoken] == [2, 1, 1, 2, 2]
     for at_s, events in spoken:
         assert {(event.time_s, event.offset_bytes) for event in events} == {(at_s, 3)}
+
+
+@pytest.mark.parametrize(("blank_bytes", "most_bytes"), [(10, 12), (11, 3), (100, 3)])
+def test_an_end_longer_than_the_reserve_leaves_in_pieces(tmp_path: Path, blank_bytes: int, most_bytes: int) -> None:
+    """(5.2, 5.4) Blank lines before the closing %: whole, they would run over what the control keeps free."""
+    data = PROGRAM[:-2] + b"\n" * blank_bytes + b"%\n"
+    sender = sender_of(tape_of(tmp_path, data))
+    end = sender.tape.end
+    assert end.whole_to - end.whole_from == blank_bytes + 2
+    sender.start(0.0)
+    now_s, chunks = 0.0, []
+    while sender.offset_bytes < len(data):
+        chunks.append(sender.take(1000, now_s))
+        now_s = max(now_s, sender.next_wake_s) + 1e-9
+    assert b"".join(chunks) == data
+    assert max(map(len, chunks)) == most_bytes

@@ -161,22 +161,6 @@ def test_the_closing_percent_leaves_with_the_last_block_end(tmp_path: Path) -> N
     assert chunks[-2:] == [b"\n%", b"\n"]
 
 
-@pytest.mark.parametrize(("blank_bytes", "most_bytes"), [(10, 12), (11, 3), (100, 3)])
-def test_an_end_longer_than_the_reserve_leaves_in_pieces(tmp_path: Path, blank_bytes: int, most_bytes: int) -> None:
-    """(5.2, 5.4) Blank lines before the closing %: whole, they would run over what the control keeps free."""
-    data = PROGRAM[:-2] + b"\n" * blank_bytes + b"%\n"
-    sender = sender_of(tape_of(tmp_path, data))
-    end = sender.tape.end
-    assert end.whole_to - end.whole_from == blank_bytes + 2
-    sender.start(0.0)
-    now_s, chunks = 0.0, []
-    while sender.offset_bytes < len(data):
-        chunks.append(sender.take(1000, now_s))
-        now_s = max(now_s, sender.next_wake_s) + 1e-9
-    assert b"".join(chunks) == data
-    assert max(map(len, chunks)) == most_bytes
-
-
 def test_m30_that_stops_reading_ends_as_sent_with_a_note(tmp_path: Path) -> None:
     """(5.4; fault C5)"""
     sender = sender_of(tape_of(tmp_path, PROGRAM, trailer=r"\NUL*40"))

@@ -3,100 +3,25 @@
 from __future__ import annotations
 
 import os
-import pty
 import threading
 import time
-import tty
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 import pytest
 
-from dnc.events import Alarm, Event, JobState
-from dnc.journal import UNBOUNDED, Journal, read_journal
+from dnc.events import Alarm, JobState
 from dnc.pacing import Pace
 from dnc.port import Flow, SerialPort
 from dnc.profile import Link
 from dnc.stream import Command, Stream
 from tests.helpers.line import XOFF, XON, NoJournal, sender_of, states, tape_of
-
-FAST = Pace(byte_s=20e-6, inflight_max_bytes=64, lag_s=0.0, slack=0.0)
-PROGRAM = b"".join(b"N%d G1 X%d\n" % (index * 10, index) for index in range(1, 401)) + b"M30\n%\n"
-
-
-@dataclass
-class Cable:
-    """A pty: the control's end, and ours held open as a plugged adapter does."""
-
-    master: int
-    slave: int
-    name: str
-    is_plugged: bool = True
-
-    def read_all(self, count: int, timeout_s: float = 20.0) -> bytes:
-        data, end_s = b"", time.monotonic() + timeout_s
-        while len(data) < count and time.monotonic() < end_s:
-            data += os.read(self.master, 65536)
-        return data
-
-    def unplug(self) -> None:
-        if self.is_plugged:
-            self.is_plugged = False
-            os.close(self.slave)
-            os.close(self.master)
+from tests.helpers.streaming import PROGRAM, Cable, Running, plugged
 
 
 @pytest.fixture
 def cable() -> Iterator[Cable]:
-    master, slave = pty.openpty()
-    tty.setraw(slave)
-    cable = Cable(master, slave, os.ttyname(slave))
-    yield cable
-    cable.unplug()
-
-
-class Running:
-    """A stream in a thread, its events collected."""
-
-    def __init__(self, tmp_path: Path, cable: Cable, pace: Pace = FAST, data: bytes = PROGRAM, **rules: object) -> None:
-        self.port = SerialPort(cable.name, Link())
-        self.sender = sender_of(tape_of(tmp_path, data), pace, **rules)
-        self.events: list[Event] = []
-        self.changed = threading.Condition()
-        self.stream = Stream(self.sender, self.port, NoJournal(), self._add)  # type: ignore[arg-type]
-        self.thread = threading.Thread(target=self.stream.run)
-
-    def _add(self, event: Event) -> None:
-        with self.changed:
-            self.events.append(event)
-            self.changed.notify_all()
-
-    def wait_for(self, state: JobState) -> None:
-        with self.changed:
-            assert self.changed.wait_for(lambda: self.sender.state is state, 10), self.sender.state
-
-    def is_stuck(self) -> bool:
-        """Wait until nothing has left for a while."""
-        end_s = time.monotonic() + 10
-        while time.monotonic() < end_s:
-            before = self.sender.offset_bytes
-            threading.Event().wait(0.1)
-            if before == self.sender.offset_bytes > 0:
-                return True
-        return False
-
-    def __enter__(self) -> Self:
-        self.thread.start()
-        return self
-
-    def __exit__(self, *_exc: object) -> None:
-        self.stream.command(Command.ABORT)
-        self.thread.join(10)
-        self.port.close()
-        self.stream.close()
-        assert not self.thread.is_alive()
+    yield from plugged()
 
 
 def test_the_exact_bytes_arrive(tmp_path: Path, cable: Cable) -> None:
@@ -267,71 +192,3 @@ def test_a_pulled_cable_is_a_hold_where_a_modem_line_tells(tmp_path: Path, cable
         assert cable.read_all(len(PROGRAM) - sent) == PROGRAM[sent:]
         running.wait_for(JobState.SENT)
         assert [event for event in running.events if isinstance(event, Alarm)] == []
-
-
-def test_foreign_settings_pause(tmp_path: Path, cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
-    """(5.4; fault A5) The check of once a second finds another program's change."""
-    slow = Pace(byte_s=1e-3, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
-    running = Running(tmp_path, cable, slow)
-    monkeypatch.setattr(running.port, "changed_settings", lambda: "baud rate")
-    with running:
-        running.wait_for(JobState.PAUSED)
-        assert [event.id for event in running.events if isinstance(event, Alarm)] == ["DNC-A5"]
-
-
-def test_a_computer_that_slept_pauses(tmp_path: Path, cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
-    """(fault H5) Once: what the operator has looked at and resumed goes on past the next look, a second later."""
-    slow = Pace(byte_s=5e-4, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
-    running = Running(tmp_path, cable, slow, b"G1 X1\n" * 500)
-    monkeypatch.setattr("dnc.stream._asleep_s", lambda: 3600.0)
-    with running:
-        running.wait_for(JobState.PAUSED)
-        running.stream.command(Command.RESUME)
-        running.wait_for(JobState.SENT)
-        assert [event.id for event in running.events if isinstance(event, Alarm)] == ["DNC-H5"]
-
-
-def test_a_journal_that_fails_is_an_alarm_once(tmp_path: Path, cable: Cable) -> None:
-    """(fault H2) Not once a second: the job goes on for longer than that."""
-    slow = Pace(byte_s=5e-4, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
-    running = Running(tmp_path, cable, slow, b"G1 X1\n" * 500)
-    running.stream.journal.problem = "No space left on device"
-    with running:
-        running.wait_for(JobState.SENT)
-        assert [event.id for event in running.events if isinstance(event, Alarm)] == ["DNC-H2"]
-
-
-def test_the_journal_keeps_ahead_of_the_whole_tape(tmp_path: Path, cable: Cable) -> None:
-    """(5.6, 5.7; decision 21) Of 200 bytes ahead none may leave before the disk has them, and all of the tape does."""
-    running = Running(tmp_path, cable)
-    journal = Journal(tmp_path / "journal", "ab" * 32, 200, running.stream.wake)
-    running.stream.journal, write = journal, running.port.write
-
-    def write_within(data: bytes) -> int:
-        assert running.sender.offset_bytes <= read_journal(tmp_path / "journal")[-1].bound_bytes
-        return write(data)
-
-    running.port.write = write_within  # type: ignore[method-assign]
-    journal.open()
-    with running:
-        assert cable.read_all(len(PROGRAM)) == PROGRAM
-        running.wait_for(JobState.SENT)
-    journal.close(running.sender.offset_bytes, running.sender.state)
-    assert read_journal(tmp_path / "journal")[-1].sent_bytes == len(PROGRAM)
-
-
-def test_nothing_leaves_beyond_the_journal(tmp_path: Path, cable: Cable) -> None:
-    """(5.6; decision 8) The durable bound holds the line back, without spinning, until it moves."""
-    running = Running(tmp_path, cable)
-    journal = NoJournal()
-    journal.bound_bytes = 100
-    running.stream.journal = journal  # type: ignore[assignment]
-    with running:
-        assert len(cable.read_all(100)) == 100
-        before_s = time.process_time()
-        threading.Event().wait(0.5)
-        assert time.process_time() - before_s < 0.02
-        assert running.sender.offset_bytes == 100
-        journal.bound_bytes = UNBOUNDED
-        running.stream.wake()
-        assert cable.read_all(len(PROGRAM) - 100) == PROGRAM[100:]
