@@ -14,15 +14,14 @@ from collections.abc import Callable, Iterable
 from enum import Enum
 from select import select
 
-from dnc import alarms
 from dnc.errors import PortLost
 from dnc.events import Event, JobState
+from dnc.housekeeping import Housekeeping
 from dnc.journal import Journal
 from dnc.port import Flow, Port
 from dnc.priority import HoldUps
 from dnc.sender import Sender
 
-_HOUSEKEEPING_S = 1.0
 _LEAVE_S = 2.0
 _HOLD_UP_S = 0.0005
 _HOLD_UPS_KEPT = 2000
@@ -33,7 +32,6 @@ _FLOW_POLL_S = 0.002
 _WATCHFUL_S = 0.25
 _WATCH_S = 0.001
 """A loop that has slept long answers XON 0.1 ms later: a young hold, which may end soon, is passed in naps."""
-_SLEEP_LIMIT_S = 5.0
 Sink = Callable[[Event], None]
 
 
@@ -64,10 +62,8 @@ class Stream:
         self._xon, self._answer = bytes([sender.rules.xon]), b""
         self._retry_at_s = 0.0
         self._moving_at_s = 0.0
-        self._housekeep_at_s = 0.0
+        self._housekeeping = Housekeeping(sender, port)
         self._leave_at_s: float | None = None
-        self._asleep_s = _asleep_s()
-        self._is_journal_reported = False
         self._waited_from_s = 0.0
         self.hold_ups = HoldUps(_HOLD_UP_S, _HOLD_UPS_KEPT)
 
@@ -154,7 +150,7 @@ class Stream:
                 self._report(events)
         if not self._answer and sender.is_one_xon_away:
             self._lay_ready(now_s)
-        if now_s >= self._housekeep_at_s:
+        if now_s >= self._housekeeping.due_s:
             self._housekeep(now_s)
 
     def _coast(self) -> None:
@@ -168,7 +164,7 @@ class Stream:
         while (refill_bytes := sender.plain_refill_bytes) and sender.offset_bytes + refill_bytes <= journal.bound_bytes:
             from_s = clock()
             due_s = max(from_s, sender.clock.room_at_s(refill_bytes))  # behind a hold there has long been room
-            if due_s > self._housekeep_at_s or select(self._readers, (), (), due_s - from_s)[0]:
+            if due_s > self._housekeeping.due_s or select(self._readers, (), (), due_s - from_s)[0]:
                 return
             now_s = clock()
             if now_s - due_s > _HOLD_UP_S:
@@ -183,7 +179,7 @@ class Stream:
         """How long nothing can happen unless a byte or a command arrives."""
         now_s = self._waited_from_s = self._clock()
         sender = self.sender
-        until_s = self._housekeep_at_s
+        until_s = self._housekeeping.due_s
         is_blocked = self._is_full or self._journal_room() <= 0
         if not (is_blocked and sender.state is JobState.SENDING):
             until_s = min(until_s, max(sender.next_wake_s, self._retry_at_s))
@@ -234,7 +230,7 @@ class Stream:
             return sender.resume(now_s)
         events = sender.pause(now_s)
         if command is Command.LEAVE:
-            self._leave_at_s = self._housekeep_at_s = now_s + _LEAVE_S
+            self._leave_at_s = self._housekeeping.due_s = now_s + _LEAVE_S
             if sender.state is JobState.ARMED:
                 events += sender.abort(now_s)
         return events
@@ -295,23 +291,7 @@ class Stream:
             self.journal.note(self.sender.offset_bytes, self.sender.state)
 
     def _housekeep(self, now_s: float) -> None:
-        """Once a second: foreign settings, a nap of the computer, a journal that gave up, a leave that is due."""
-        sender = self.sender
-        self._housekeep_at_s = now_s + _HOUSEKEEPING_S
-        changed = self.port.changed_settings()
-        if changed:
-            self._report(sender.disturb(alarms.FOREIGN_SETTINGS, changed, now_s))
-        asleep_s = _asleep_s()
-        if asleep_s - self._asleep_s > _SLEEP_LIMIT_S:
-            self._report(sender.disturb(alarms.SLEPT, f"{asleep_s - self._asleep_s:.0f} s", now_s))
-        self._asleep_s = asleep_s
-        if self.journal.problem and not self._is_journal_reported:
-            self._is_journal_reported = True
-            self._report([alarms.NO_JOURNAL.at(now_s, sender.offset_bytes, self.journal.problem)])
+        """Once a second: what is found beside the bytes, and a leave that is due."""
+        self._report(self._housekeeping.look(self.journal, now_s))
         if self._leave_at_s is not None and now_s >= self._leave_at_s:
-            self._report(sender.abort(now_s))
-
-
-def _asleep_s() -> float:
-    """How long this computer has slept since it started."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME) - time.monotonic()
+            self._report(self.sender.abort(now_s))

@@ -36,7 +36,7 @@ def test_a_computer_that_slept_pauses(tmp_path: Path, cable: Cable, monkeypatch:
     """(fault H5) Once: what the operator has looked at and resumed goes on past the next look, a second later."""
     slow = Pace(byte_s=5e-4, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
     running = Running(tmp_path, cable, slow, b"G1 X1\n" * 500)
-    monkeypatch.setattr("dnc.stream._asleep_s", lambda: 3600.0)
+    monkeypatch.setattr("dnc.housekeeping.asleep_s", lambda: 3600.0)
     with running:
         running.wait_for(JobState.PAUSED)
         running.stream.command(Command.RESUME)

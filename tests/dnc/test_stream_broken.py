@@ -112,7 +112,7 @@ def test_a_hold_is_no_hold_up(tmp_path: Path) -> None:
     journal = NoJournal()
     journal.bound_bytes = sender.clock.refill_bytes
     stream = Stream(sender, port, journal, lambda _: None)  # type: ignore[arg-type]
-    stream._housekeep_at_s = math.inf
+    stream._housekeeping.due_s = math.inf
     sender.start(0.0)
     stream._coast()
     assert sender.offset_bytes == journal.bound_bytes

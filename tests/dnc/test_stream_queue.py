@@ -190,7 +190,7 @@ def test_a_run_that_woke_late_stays_within_the_journal(tmp_path: Path) -> None:
     sender = sender_of(tape_of(tmp_path, PROGRAM), Pace(0.001, 64, 0.0, slack=0.0))
     stream = Stream(sender, port, journal, lambda _: None, clock=lambda: float(next(moments)))  # type: ignore[arg-type]
     sender.start(0.0)
-    stream._housekeep_at_s = math.inf
+    stream._housekeeping.due_s = math.inf
     stream._coast()
     assert sender.offset_bytes == journal.bound_bytes
     stream.close()
