@@ -144,6 +144,14 @@ def test_jumps() -> None:
     assert ends("R1=7\nCASE R1 OF 1 GOTOF AA DEFAULT GOTOF CC\nAA: G0 X1\nCC: G0 X3") == [3]
 
 
+def test_a_jump_back_out_of_open_structures_leaves_them() -> None:
+    """(6.4) Else they would count as never closed at the end of the program."""
+    out = "AA: R1=R1+1\nG0 X=R1\nIF R1<3\nLOOP\nGOTOB AA\nENDLOOP\nENDIF\nG0 X9"
+    assert ends(f"R1=0\n{out}") == [1, 2, 3, 9]
+    inside = "R1=0\nIF 1==1\nAA: R1=R1+1\nG0 X=R1\nIF R1<3\nGOTOB AA\nENDIF\nENDIF\nG0 X9"
+    assert ends(inside) == [1, 2, 3, 9]
+
+
 def test_a_label_may_be_a_letter_with_digits() -> None:
     """(6.4)"""
     assert ends("G0 X1\nGOTOF C13\nX2\nN40 C13: X3") == [1, 3]
