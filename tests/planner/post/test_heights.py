@@ -22,7 +22,7 @@ from sim.interpreter import canon
 from sim.interpreter.run import interpret
 from sim.interpreter.settings import Settings
 from tests.planner.path.curves import wave_pass
-from tests.planner.post.paths import THESIS
+from tests.planner.post.paths import THESIS, spline
 from tests.planner.post.test_round_trip import check_round_trip, write
 
 Fit = Callable[[Sequence[ExactCurve], float], Sequence[FittedSpline | None]]
@@ -44,6 +44,14 @@ def path_of(shapes: list[PlaneSpline], angle_rad: float = 0.0, deviation_mm: flo
         for number, shape in enumerate(shapes)
     ]
     return ToolPath(in_order(passes, "zigzag"), 4.0, np.full(len(passes) - 1, 1.5), np.zeros(0), Method.PROVED)
+
+
+def test_passes_of_both_degrees_are_written_as_poly_where_bsplines_are_known_too() -> None:
+    """(4.4) Heights of degree 5 are no control points of a BSPLINE: one such pass and all are POLY."""
+    limits = ControlLimits(poly_degree=5, knot_rule_verified=True)
+    mixed = path_of([spline(1, length_mm=120.0), heights(2)])
+    assert b"BSPLINE" not in write(mixed, limits, blocks="auto").data
+    assert write(mixed, limits, blocks="auto").data == write(mixed, limits=limits, blocks="poly").data
 
 
 @settings(max_examples=25, deadline=None)
