@@ -50,7 +50,7 @@ def test_the_rest_cuts_the_same_from_inside_a_pass(blocks: str) -> None:
 
 @pytest.mark.parametrize("is_inch", [False, True])
 def test_a_program_in_inches_goes_on_in_inches(is_inch: bool) -> None:
-    """(6.8) The preamble is in millimetres and sets the unit last, on a metric and on an inch machine."""
+    """(6.8) The preamble speaks in the unit of the program, on a metric and on an inch machine."""
     settings = Settings(start_mm=(7.0, 7.0, 300.0), is_inch=is_inch)
     head = HEAD.replace("G71", "G700").replace("Z50", "Z2").replace("Z10", "Z.5")
     data = (head + "G1 Z.1 F4\nG641 ADIS=.01\nX1 F10\nX2 Y1\nG0 Z2\nM30\n").encode()
