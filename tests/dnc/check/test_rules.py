@@ -33,6 +33,7 @@ def test_a_clean_program_has_no_findings() -> None:
         ("G1 X10 F250\nG71\nG70\n", [("unit-switch", 3), ("axis-limit", 4)]),
         ("G1 X10 F150\n", [("steep-plunge", 0)]),
         ("G1 X10 F250\nX2000\n", [("axis-limit", 2)]),
+        ("G1 X10 F250\nY2000\n", [("axis-limit", 2)]),
         ("N5 G1 X10 F250\nN5 X20\n", [("number-duplicate", 2)]),
         ("N5 G1 X10 F250\nN4 X20\n", [("number-descending", 2)]),
         ("G1 X10 F250\nG43 H1\n", [("wrong-dialect", 2)]),
@@ -231,3 +232,20 @@ def test_words_are_checked_as_the_page_of_the_language_says() -> None:
         assert ids(f"{code}\n") == plain, code
     for word in (*REFUSED_CODES, "M77", "G777", "NOSUCH=1"):
         assert ("unknown-word", 1) in ids(f"{word}\n"), word
+
+
+@pytest.mark.parametrize("axis", ["X", "Y", "Z"])
+def test_an_axis_may_go_to_the_very_end_of_its_travel(axis: str) -> None:
+    """(6.10) And no step of the control's resolution further."""
+    limits = Limits(PROFILE)
+    most_mm = limits.reach_mm(axis, True)[1]
+    found = [ids(f"G1 X10 F250\nG1 {axis}{at_mm:.3f}\n") for at_mm in (most_mm, most_mm + 0.001)]
+    assert [("axis-limit", 2) in one for one in found] == [False, True]
+
+
+def test_a_unit_switched_there_and_back_is_told_twice() -> None:
+    """(6.10) What comes behind it is read in the other unit each time."""
+    assert [found for found in ids("G1 X1 F250\nG70\nG71\n") if found[0] == "unit-switch"] == [
+        ("unit-switch", 2),
+        ("unit-switch", 3),
+    ]
