@@ -67,27 +67,71 @@ def check_radius(survey: Survey, side: int, radius_mm: float, stock_mm: float = 
 
 
 def check_reach(surface: OffsetSurface, parameters: Array, tolerance_mm: float) -> float:
-    """How deep a ball that touches one of these places (2, m) cuts into another of them, mm.
+    """How deep a ball that touches one of these places (2, m), or its shank, cuts into another of them, mm.
 
     Balls and places are exact, so a depth that is found is real; one between places can be missed by the square of
     their distance over 8 R. Raises InputRejected where the depth exceeds `tolerance_mm`.
     """
     found = surface.evaluate(parameters[0], parameters[1])
-    deepest, ball, place = 0.0, 0, 0
-    for balls, places in _near_pairs(found.centre[:2], found.contact[:2], surface.radius_mm):
-        away = found.centre[:, balls] - found.contact[:, places]
-        depth = surface.radius_mm - np.sqrt((away**2).sum(axis=0))
-        worst = int(np.argmax(depth))
-        if depth[worst] > deepest:
-            deepest, ball, place = float(depth[worst]), int(balls[worst]), int(places[worst])
-    if deepest > tolerance_mm:
-        (u, v), (hit_u, hit_v) = parameters[:, ball], parameters[:, place]
+    return _check_cuts(surface, (found.centre, parameters), (found.contact, parameters), tolerance_mm)
+
+
+def check_beyond(surface: OffsetSurface, on_passes: Array, parameters: Array, tolerance_mm: float) -> float:
+    """How deep balls `on_passes` (2, k), or their shanks, cut into these places (2, m) from past the border, mm.
+
+    There they touch the patch as it would go on, which may come near another part of it. Raises InputRejected where the
+    depth exceeds `tolerance_mm`.
+    """
+    (u_low, u_high), (v_low, v_high) = surface.patch.domain
+    u, v = on_passes
+    beyond = on_passes[:, (u < u_low) | (u > u_high) | (v < v_low) | (v > v_high)]
+    if not beyond.shape[1]:
+        return 0.0
+    balls = surface.evaluate(beyond[0], beyond[1]).centre, beyond
+    return _check_cuts(
+        surface, balls, (surface.evaluate(parameters[0], parameters[1]).contact, parameters), tolerance_mm
+    )
+
+
+def _check_cuts(
+    surface: OffsetSurface, balls: tuple[Array, Array], places: tuple[Array, Array], tolerance_mm: float
+) -> float:
+    """The deepest cut of tools into places, mm; both as points (3, ...) with their parameters (2, ...).
+
+    Raises InputRejected where it exceeds `tolerance_mm`.
+    """
+    depth_mm, ball, place, is_shank = _deepest_cut(balls[0], places[0], surface.radius_mm)
+    if depth_mm > tolerance_mm:
+        (u, v), (hit_u, hit_v) = balls[1][:, ball], places[1][:, place]
         what = (
-            f"{surface.patch.name}: the ball that touches (u, v) = ({u:.4g}, {v:.4g}) "
-            f"cuts {deepest:.3f} mm into ({hit_u:.4g}, {hit_v:.4g})"
+            f"{surface.patch.name}: {'the shank above ' if is_shank else ''}the ball that touches "
+            f"(u, v) = ({u:.4g}, {v:.4g}) cuts {depth_mm:.3f} mm into ({hit_u:.4g}, {hit_v:.4g})"
         )
         raise InputRejected(what, remedy="use a smaller tool or cut the parts of the patch as patches of their own")
-    return deepest
+    return depth_mm
+
+
+def _deepest_cut(centres: Array, places: Array, radius_mm: float) -> tuple[float, int, int, bool]:
+    """Depth, ball, place of the deepest cut, 0 for none, and whether the shank makes it.
+
+    The shank is as thick as the ball and stands upon its centre (3, m): to a place (3, n) higher than that only the
+    distance in XY counts.
+    """
+    deepest, ball, place, is_shank = 0.0, 0, 0, False
+    for near, under in _near_pairs(centres[:2], places[:2], radius_mm):
+        away = centres[:, near] - places[:, under]
+        is_higher = away[2] < 0
+        away[2] = np.maximum(away[2], 0.0)
+        depth = radius_mm - np.sqrt((away**2).sum(axis=0))
+        worst = int(np.argmax(depth))
+        if depth[worst] > deepest:
+            deepest, ball, place, is_shank = (
+                float(depth[worst]),
+                int(near[worst]),
+                int(under[worst]),
+                bool(is_higher[worst]),
+            )
+    return deepest, ball, place, is_shank
 
 
 def _near_pairs(balls: Array, places: Array, reach_mm: float, most: int = 400_000) -> Iterator[tuple[Indices, Indices]]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputRejected
 from planner.path.coverage import border_cusps, border_heights, crossings, pass_runs
-from planner.path.gouge import check_creases, check_radius, check_reach, tool_side
+from planner.path.gouge import check_beyond, check_creases, check_radius, check_reach, tool_side
 from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
 from planner.path.one_sided import with_one_sided
@@ -65,7 +65,8 @@ def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float, readi
     Scallops are solved to `accuracy_mm`; passes have nodes so near that they are read within `reading_mm`.
     """
     ground = prepare(patch, wishes)
-    gouge_mm = check_reach(ground.surface, ground.seeds.within(patch.domain), accuracy_mm)
+    on_patch = ground.seeds.within(patch.domain)
+    gouge_mm = check_reach(ground.surface, on_patch, accuracy_mm)
     if wishes.scallop_mm is not None:
         feeds = solve_pick_feeds(ground, wishes.scallop_mm, accuracy_mm=accuracy_mm, high_mm=wishes.high_mm)
         if feeds.end is not ChainEnd.SETTLED:
@@ -79,6 +80,8 @@ def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float, readi
     if wishes.rolls_over:
         return _over_the_edge(ground, planes_mm, peaks, wishes, accuracy_mm, reading_mm)
     curves = run_passes(ground, planes_mm, wishes.angle_rad, accuracy_mm=reading_mm)
+    on_passes = np.concatenate([curve.parameters for curve in curves]).T
+    gouge_mm = max(gouge_mm, check_beyond(ground.surface, on_passes, on_patch, accuracy_mm))
     return Layout(tuple(curves), np.arange(len(curves)), planes_mm, peaks, ground, gouge_mm)
 
 

@@ -85,3 +85,20 @@ def test_a_crease_is_refused_with_its_knot_and_angle(axis: int, height_mm: float
     patch = NurbsPatch(1, 1, knots, knots, np.stack([x, y, z], axis=2))
     with pytest.raises(InputRejected, match=f"patch 1 has a crease along {'uv'[axis]} = 1"):
         lay_parallel(patch, Wishes(4.0, 0.0, 0.05, None), accuracy_mm=1e-7)
+
+
+def test_a_shank_that_hits_a_higher_part_of_the_patch_is_refused() -> None:
+    """Legs 3 mm apart in XY, 12 mm in height: the lower leg's ball stays clear of the upper, its shank does not."""
+    band = legs(gap_mm=3.0, rise_mm=12.0)
+    surface = OffsetSurface(band, 4.0, tool_side(survey(band)))
+    u, v = (part.ravel() for part in np.meshgrid(np.linspace(0, 1, 40), np.linspace(0, 1, 120), indexing="ij"))
+    with pytest.raises(InputRejected, match=r"the shank above the ball that touches .* cuts 1\.000 mm into"):
+        check_reach(surface, np.stack([u, v]), 1e-7)
+
+
+def test_passes_that_run_past_the_border_into_another_part_are_refused() -> None:
+    """Legs 5 mm apart and 10 mm in height leave room for balls on the patch, not for those a little past its edge."""
+    band = legs(gap_mm=5.0, rise_mm=10.0)
+    wishes = Wishes(4.0, float(np.radians(70.0)), None, 2.0)
+    with pytest.raises(InputRejected, match=r"the shank above .* = \(-0\.\d+, .* cuts 0\.\d+ mm into"):
+        lay_parallel(band, wishes, accuracy_mm=1e-7)
