@@ -36,7 +36,8 @@ def plan_report(
 ) -> dict[str, Any]:
     """The report of one planned operation; `line` is (baud, bits a character) of the machine's own line."""
     peaks = layout.peaks
-    air = air_moves(tool_path.passes, job.setup.clearance_z_mm, job.setup.safe_z_mm)
+    to_centre_mm = tool_path.radius_mm if job.post.reference == "tip" else 0.0
+    air = air_moves(tool_path.passes, job.setup.clearance_z_mm + to_centre_mm, job.setup.safe_z_mm + to_centre_mm)
     cut_mm = sum(one.length_mm for one in tool_path.passes)
     deviation_mm = max(one.deviation_mm for one in tool_path.passes)
     scallop_mm = max(float(peaks.height_mm.max(initial=0.0)), peaks.first_mm, peaks.last_mm)

@@ -51,7 +51,7 @@ def in_order(passes: Sequence[Pass], pattern: str) -> tuple[Pass, ...]:
 
 
 def air_moves(passes: Sequence[Pass], clearance_z_mm: float, safe_z_mm: float) -> AirMoves:
-    """The moves before, between and after passes, from and to the safe height."""
+    """The moves before, between and after passes, from and to the safe height; heights of the ball's centre."""
     ends = [one.plane.to_work(end_points(one.shape)) for one in passes]
     plunge = sum(max(clearance_z_mm - float(pair[0, 2]), 0.0) for pair in ends)
     lifts = sum(max(clearance_z_mm - float(pair[1, 2]), 0.0) for pair in ends)

@@ -57,6 +57,24 @@ def test_rapids_move_z_alone_or_xy_alone(tmp_path: Path, blocks: str) -> None:
     assert not [line for line in rapids if "Z" in line and ("X" in line or "Y" in line)]
 
 
+@pytest.mark.parametrize("reference", ["tip", "centre"])
+def test_the_way_in_air_is_that_of_the_program(tmp_path: Path, reference: str) -> None:
+    """(5) Rapids and plunges of the blocks, from the first place at safe height on, whichever point is programmed."""
+    planned = plan_job(job_in(tmp_path), LIMITS, post={"blocks": "linear", "reference": reference})
+    at, mode, air_mm = np.array([np.nan, np.nan, 50.0]), "0", 0.0
+    for line in planned.program.decode().splitlines():
+        if line.startswith(("%", ";", "G0 Z", "G4", "T", "D", "S", "M")):
+            continue
+        text = re.sub(r"^N\d+ ?", "", line)
+        mode = (re.findall(r"G([01])(?!\d)", text) or [mode])[0]
+        before = at.copy()
+        for axis, value in re.findall(r"([XYZ])(-?[0-9.]+)", text):
+            at["XYZ".index(axis)] = float(value)
+        run_mm = float(np.linalg.norm(at - before))
+        air_mm += run_mm if (mode == "0" or text.startswith("G1G9Z")) and np.isfinite(run_mm) else 0.0
+    assert planned.report["air_length_mm"] == pytest.approx(air_mm, abs=0.01)
+
+
 def test_zigzag_turns_every_pass_and_one_way_none(tmp_path: Path) -> None:
     starts = {}
     for pattern in ("zigzag", "one-way"):
