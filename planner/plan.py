@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from planner.clearance import check_clearance, stock_warnings
 from planner.errors import InputRejected
 from planner.job import Job, Operation, load_job, located
 from planner.path.gouge import tool_side
@@ -27,7 +28,7 @@ from planner.post.units import INCH_MM
 from planner.post.written import ControlLimits, Written
 from planner.report import plan_report
 from planner.shapes import FIT_SHARE, Kind, kind_of, link_count, shape_layout
-from planner.surface.curvature import lowest, survey, upwardness
+from planner.surface.curvature import survey
 from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
 from planner.travel import Travel, check_part, check_program
@@ -100,7 +101,7 @@ def plan_job(
         from planner.rivals import compare_rivals
 
         report["rivals"] = compare_rivals(job, operation, layout, control)
-    warnings = (*written.warnings, *_warnings(operation, report, line))
+    warnings = (*written.warnings, *stock_warnings(job), *_warnings(operation, report, line))
     return Planned(written.data, written.sidecar, tool_path, report, warnings, job, layout)
 
 
@@ -154,7 +155,7 @@ def _laid(job: Job, operation: Operation, patch: NurbsPatch, path: Path, coarse:
     wishes = _wishes(job, operation, patch, coarse)
     accuracy_mm, reading_mm = 1e-4 * operation.path_mm, 1e-2 * operation.path_mm
     layout = lay_parallel(patch, wishes, accuracy_mm=accuracy_mm, reading_mm=reading_mm)
-    _check_clearance(job, layout, path)
+    check_clearance(job, layout, path)
     return layout
 
 
@@ -257,22 +258,6 @@ def _wishes(job: Job, operation: Operation, patch: NurbsPatch, coarse: float) ->
         angle_rad = float(np.radians(operation.angle_deg))
     stock_mm, rolls_over = operation.stock_to_leave_mm, operation.edge == "roll-over"
     return Wishes(radius_mm, angle_rad, scallop_mm, operation.pick_feed_mm, stock_mm, rolls_over, high_mm)
-
-
-def _check_clearance(job: Job, layout: Layout, path: Path) -> None:
-    """Raises InputRejected where a rapid move across at clearance height would meet the patch."""
-    surface, border = layout.ground.surface, layout.ground.border
-    # A summit may stand between two samples: it is looked for beside the highest of them.
-    top = lowest(survey(surface.patch), lambda at: -at.point[2] - surface.stock_mm * np.abs(upwardness(at)), rounds=6)
-    top_mm = max(-top.value, float(border.points.contact[2].max()))
-    # Where the centre of the ball is programmed, the tip stands a radius lower.
-    tip_mm = job.setup.clearance_z_mm - (surface.radius_mm if job.post.reference == "centre" else 0.0)
-    if tip_mm <= top_mm:
-        asked = f"clearance_z_mm {job.setup.clearance_z_mm:g}"
-        asked += f", with the tip at Z{tip_mm:g}," if job.post.reference == "centre" else ""
-        what = f"{asked} is not above {surface.patch.name}, which reaches Z{top_mm:.3f}"
-        remedy = "give clearance_z_mm and safe_z_mm above the part and its clamps"
-        raise InputRejected(what, path=path, remedy=remedy, key=("setup", "clearance_z_mm"))
 
 
 def _warnings(operation: Operation, report: dict[str, Any], line: tuple[int, float]) -> list[str]:

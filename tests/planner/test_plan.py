@@ -75,6 +75,16 @@ def test_the_way_in_air_is_that_of_the_program(tmp_path: Path, reference: str) -
     assert planned.report["air_length_mm"] == pytest.approx(air_mm, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("reference", "top_mm", "is_warned"), [("tip", 10, False), ("tip", 11, True), ("centre", 7, True)]
+)
+def test_rapids_inside_the_billet_are_warned_of(tmp_path: Path, reference: str, top_mm: int, is_warned: bool) -> None:
+    """(2.7) `dnc check` calls them an error; the plan knows of the billet too, and that it may be roughed."""
+    path = job_in(tmp_path, ("[52, 52, 4]]", f"[52, 52, {top_mm}]]"))
+    warnings = plan_job(path, LIMITS, post={"reference": reference}).warnings
+    assert any(f"below the top of the billet at Z{top_mm}" in text for text in warnings) is is_warned
+
+
 def test_zigzag_turns_every_pass_and_one_way_none(tmp_path: Path) -> None:
     starts = {}
     for pattern in ("zigzag", "one-way"):
