@@ -106,18 +106,26 @@ def bound_links(
     return bounds
 
 
-def seen_gaps(curves: Sequence[TracedCurve], shapes: Sequence[Polyline | ArcChain], a_step: int = 4) -> Array:
-    """Largest distances (p,), mm, between shapes and exact curves at the curves' nodes and three places between."""
+def seen_gaps(
+    curves: Sequence[TracedCurve], shapes: Sequence[Polyline | ArcChain], a_node: int = 4, a_link: int = 32
+) -> Array:
+    """Largest distances (p,), mm, between shapes and exact curves at so many places from node to node and along links.
+
+    A line leaves its curve furthest at its ends and half-way, where no node of the curve need stand.
+    """
     links = _links(curves, shapes)
-    shares = np.arange(a_step) / a_step
+    along = np.arange(a_link) / a_link
+    of_links = (links.begin[:, None] + along * (links.end - links.begin)[:, None]).ravel()
+    shares = np.arange(a_node) / a_node
     arcs = [curve.arc_mm for curve in curves]
-    places = [np.append((arc[:-1, None] + shares * np.diff(arc)[:, None]).ravel(), arc[-1]) for arc in arcs]
-    rows = np.repeat(np.arange(len(curves)), [len(arc) for arc in places])
-    exact = exact_at(curves, rows, np.concatenate(places))
-    gaps, _ = links.gaps(_link_of(links, rows, np.concatenate(places)), exact.points, exact.tangents)
-    return np.maximum(
-        np.maximum.reduceat(gaps, np.searchsorted(rows, np.arange(len(curves)))), _end_gaps(curves, shapes)
-    )
+    of_curves = [np.append((arc[:-1, None] + shares * np.diff(arc)[:, None]).ravel(), arc[-1]) for arc in arcs]
+    owners = np.repeat(np.arange(len(curves)), [len(arc) for arc in of_curves])
+    owners = np.append(owners, np.repeat(links.rows, a_link))
+    rows, places = _sorted(owners, np.concatenate([*of_curves, of_links]))
+    exact = exact_at(curves, rows, places)
+    gaps, slopes = links.gaps(_link_of(links, rows, places), exact.points, exact.tangents)
+    seen = np.maximum.reduceat(gaps * np.sqrt(1 + slopes**2), np.searchsorted(rows, np.arange(len(curves))))
+    return np.maximum(seen, _end_gaps(curves, shapes))
 
 
 def _stretches(

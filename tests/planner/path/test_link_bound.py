@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from planner.path.arcs import arc_chain
-from planner.path.link_bound import bound_links
+from planner.path.link_bound import bound_links, seen_gaps
 from planner.path.model import ArcChain, Method, Polyline
 from planner.path.polyline import lean_polyline
 from planner.path.slope_range import patch_table
@@ -98,3 +98,13 @@ def test_a_vertex_moved_breaks_it(vertex: int) -> None:
         points = shape.points.copy()
         points[vertex % len(points)] += np.array([0.0, 0.002])
         assert bound_links([curves[2]], [replace(shape, points=points)], table)[0] > 0.001
+
+
+@pytest.mark.parametrize("name", PATCHES)
+def test_what_is_seen_of_straight_moves_is_their_largest_distance(name: str) -> None:
+    """(4.3) Where no bound is known the report tells samples: they stand at corners too, where moves are far off."""
+    curves = curves_over(PATCHES[name], 0.001)
+    shapes = [lean_polyline(curve, 0.001)[0] for curve in curves]
+    for curve, shape, seen_mm in zip(curves, shapes, seen_gaps(curves, shapes), strict=True):
+        dense_mm = sampled_mm(curve, shape)
+        assert 0.997 * dense_mm <= seen_mm <= 1.003 * dense_mm
