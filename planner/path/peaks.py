@@ -262,35 +262,45 @@ def _strip_peak(ground: Ground, heights: BorderHeights, planes_mm: Array, gap: i
     plane_mm = float(planes_mm[0 if gap == 0 else -1])
     at = int(chosen[np.argmax(levels[chosen])])
     best = float(levels[at]), float(reaches.by_plane[at])
-    for stretch in (at, at - 1):
-        ends = np.array([stretch, stretch + 1]) % len(levels)
-        if (heights.gap[ends] == gap).all() and np.isfinite(levels[ends]).all():
-            best = max(best, _stretch_peak(ground, int(ends[0]), ends, levels, reaches, plane_mm))
-    return best
+    chosen = chosen[np.isfinite(levels[chosen])]
+    onward = ground.border.after(chosen)
+    chosen = chosen[(heights.gap[onward] == gap) & np.isfinite(levels[onward])]
+    return max(best, _stretch_peak(ground, chosen, levels, reaches, plane_mm))
 
 
 def _stretch_peak(
-    ground: Ground, stretch: int, ends: Indices, levels: Array, reaches: Reaches, plane_mm: float, rounds: int = 4
+    ground: Ground, stretch: Indices, levels: Array, reaches: Reaches, plane_mm: float, rounds: int = 4
 ) -> tuple[float, float]:
-    """The maximum inside one stretch of the border, or (-inf, 1) if the height has none there."""
+    """The highest maximum inside these stretches of the border, and its change by the plane; (-inf, 1) if none has one.
+
+    Those are followed that promise nine tenths of the highest: which of them is highest no sample tells.
+    """
     border = ground.border
-    axis = 0 if border.held[stretch] == Held.V.value else 1
-    known = sorted((border.parameters[axis, j], levels[j], reaches.along[axis, j]) for j in ends)
+    axis = np.where(border.held[stretch] == Held.V.value, 0, 1)
+    ends = np.stack([stretch, border.after(stretch)])
+    ends = np.take_along_axis(ends, np.argsort(border.parameters[axis, ends], axis=0), axis=0)
+    slopes = reaches.along[axis, ends]
+    rises = (slopes[0] > 0) & (slopes[1] < 0)
+    stretch, axis, ends, slopes = stretch[rises], axis[rises], ends[:, rises], slopes[:, rises]
+    known = [border.parameters[axis, ends], levels[ends], slopes]
+    top, place = _hermite_top(*(value for pair in known for value in pair))
+    follow = np.flatnonzero(top >= 0.9 * top.max(initial=0.0))
+    axis, known, place = axis[follow], [pair[:, follow] for pair in known], place[follow]
+    held, near = border.value[stretch[follow]], reaches.on_pass[:, ends[0, follow]]
     best = -np.inf, 1.0
-    if not (known[0][0] < known[1][0] and known[0][2] > 0 > known[1][2]):
-        return best
-    for _ in range(rounds):
-        pairs = zip(*known, strict=True)
-        _, place = _hermite_top(*(np.array([value]) for pair in pairs for value in pair))
-        held = np.array([border.value[stretch]])
-        under = ground.surface.evaluate(*((place, held) if axis == 0 else (held, place)))
-        top = solve_reaches(ground.surface, under, np.array([plane_mm]), reaches.on_pass[:, ends[:1]])
-        if not top.is_found[0]:
-            return best
-        gain = float(top.height_mm[0]) - best[0]
-        best = max(best, (float(top.height_mm[0]), float(top.by_plane[0])))
-        if abs(gain) <= 1e-10:
-            break
-        slope = float(top.along[axis, 0])
-        known[0 if slope > 0 else 1] = (place[0], top.height_mm[0], slope)
+    for _ in range(rounds if len(follow) else 0):
+        under = ground.surface.evaluate(np.where(axis == 0, place, held), np.where(axis == 0, held, place))
+        found = solve_reaches(ground.surface, under, np.full(len(place), plane_mm), near)
+        height = np.where(found.is_found, found.height_mm, -np.inf)
+        highest = int(np.argmax(height))
+        best = max(best, (float(height[highest]), float(found.by_plane[highest])))
+        slope = found.along[axis, np.arange(len(axis))]
+        here = np.stack([place, found.height_mm, slope])
+        # What is not found stays as it is.
+        is_before, is_after = found.is_found & (slope > 0), found.is_found & (slope <= 0)
+        known = [
+            np.stack([np.where(is_before, value, pair[0]), np.where(is_after, value, pair[1])])
+            for value, pair in zip(here, known, strict=True)
+        ]
+        place = _hermite_top(*(value for pair in known for value in pair))[1]
     return best
