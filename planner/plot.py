@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from planner.errors import InputRejected
 from planner.path.model import Pass, PlaneSpline
 from planner.path.peaks import profile
+from planner.path.spans import points_along
 from planner.surface.curvature import span_places
 
 if TYPE_CHECKING:
@@ -149,9 +150,9 @@ def worst_gap(planned: Planned) -> int:
 
 
 def _sampled(one: Pass, count: int) -> Array:
-    """Points along a pass's shape in its plane: a spline densely, else its block ends."""
+    """Points along a pass's shape in its plane."""
     if not isinstance(one.shape, PlaneSpline):
-        return one.shape.points
+        return points_along(one.shape)
     degree, knots = one.shape.degree, one.shape.knots
     places = np.linspace(knots[degree], knots[-degree - 1], count)
     span = np.clip(np.searchsorted(knots, places, side="right") - 1, degree, len(knots) - degree - 2)

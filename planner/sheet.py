@@ -7,22 +7,20 @@ from __future__ import annotations
 
 import html
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.job import Tool
-from planner.path.model import Array, Pass, PlaneSpline
-from planner.path.spans import bezier_points, in_work
+from planner.path.model import Array, Pass
+from planner.path.spans import in_work, points_along
 from planner.sketch import Lines, side_view, top_view
 
 if TYPE_CHECKING:
     from planner.plan import Planned
 
 _STYLE = Path(__file__).with_name("sheet.css")
-_SAMPLES = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,16 +184,5 @@ def _feed_limits(report: dict[str, Any]) -> str:
 
 
 def _points(one: Pass, drop_mm: float) -> Array:
-    """Points (n, 3) along a pass, fine enough for a picture."""
-    shape = one.shape
-    if isinstance(shape, PlaneSpline):
-        bezier = bezier_points([shape])
-        degree = bezier.shape[1] - 1
-        p = np.linspace(0.0, 1.0, _SAMPLES)[:, None, None]
-        values = [bezier[None, :, number] for number in range(degree + 1)]
-        while len(values) > 1:
-            values = [(1 - p) * a + p * b for a, b in pairwise(values)]
-        plane_points = np.moveaxis(values[0], 0, 1).reshape(-1, 2)
-    else:
-        plane_points = shape.points
-    return in_work(one.plane, plane_points, drop_mm)
+    """Points (n, 3) along a pass, fine enough for a picture, its highest and lowest among them."""
+    return in_work(one.plane, points_along(one.shape), drop_mm)

@@ -8,7 +8,7 @@ from math import comb
 
 import numpy as np
 
-from planner.path.model import Array, DrivingPlane, PlaneSpline
+from planner.path.model import ArcChain, Array, DrivingPlane, PlaneSpline, Shape
 
 
 def bezier_points(splines: Sequence[PlaneSpline]) -> Array:
@@ -61,6 +61,38 @@ def folds_mm(spline: PlaneSpline) -> Array:
         w = np.einsum("pk,mk->mp", places, power_form(bezier[suspect])[:, :, 0])
         found[suspect] = np.maximum(-np.diff(w, axis=1), 0.0).sum(axis=1)
     return found
+
+
+def points_along(shape: Shape, a_segment: int = 12) -> Array:
+    """Points (n, 2) of (w, z) along a shape, mm: so many a span or arc, and its highest and lowest places."""
+    if isinstance(shape, PlaneSpline):
+        return np.concatenate([_along_span(power, a_segment) for power in power_form(bezier_points([shape]))])
+    if isinstance(shape, ArcChain):
+        return np.concatenate([_along_link(shape, link, a_segment) for link in range(len(shape.turns))])
+    return shape.points
+
+
+def _along_span(power: Array, count: int) -> Array:
+    """Points of one polynomial (degree + 1, 2) on [0, 1], those with a level tangent among them."""
+    degrees = np.arange(len(power))
+    level = np.polynomial.polynomial.polyroots((degrees * power[:, 1].T)[1:])
+    level = level.real[(np.abs(level.imag) < 1e-9) & (level.real > 0) & (level.real < 1)]
+    places = np.sort(np.append(np.linspace(0.0, 1.0, count), level))
+    return np.asarray(places[:, None] ** degrees @ power)
+
+
+def _along_link(chain: ArcChain, link: int, count: int) -> Array:
+    """Points of one arc or line, the arc's top and bottom among them."""
+    ends, turn = chain.points[link : link + 2], int(chain.turns[link])
+    if not turn:
+        return ends
+    spokes = ends - chain.centres[link]
+    first, last = np.arctan2(spokes[:, 1], spokes[:, 0])
+    sweep = (turn * (last - first)) % (2 * np.pi)
+    level = (turn * (np.array([0.5, 1.5]) * np.pi - first)) % (2 * np.pi)
+    angles = first + turn * np.sort(np.append(np.linspace(0.0, sweep, count), level[level < sweep]))
+    around = np.hypot(*spokes[0]) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.asarray(chain.centres[link] + around)
 
 
 def power_form(bezier: Array) -> Array:

@@ -45,6 +45,26 @@ def test_everything_a_setter_needs_is_said() -> None:
     assert "0 to 52 x 0 to 52 x -20 to 4 mm" in page
 
 
+HOLLOW = """degree = [2, 1]
+knots_u = [0, 0, 0, 1, 1, 1]
+knots_v = [0, 0, 1, 1]
+control_points = [[[-24, 0, -18], [-24, 20, -18]], [[0, 0, -50], [0, 20, -50]], [[24, 0, -18], [24, 20, -18]]]
+weights = [[1, 1], [0.6, 0.6], [1, 1]]
+"""
+
+
+@pytest.mark.parametrize("blocks", ["arcs", "poly", "linear"])
+def test_the_lowest_z_is_that_of_the_curve(tmp_path: Path, blocks: str) -> None:
+    """(2.6) A trough of radius 30 about X0 Z0 is cut down to Z-30; the ends of its arcs are 8 mm higher."""
+    (tmp_path / "surface.toml").write_text(HOLLOW)
+    job = THESIS.read_text().replace("../surfaces/thesis.toml", "surface.toml")
+    (tmp_path / "job.toml").write_text(job)
+    planned = plan_job(tmp_path / "job.toml", ControlLimits(), post={"blocks": blocks})
+    lowest = re.search(r"Lowest Z</th><td>(-[0-9.]+) mm", plan_sheet(planned))
+    assert lowest
+    assert float(lowest[1]) == pytest.approx(-30.0, abs=0.0011)
+
+
 def test_nothing_comes_from_outside_and_text_is_escaped() -> None:
     """One page, no external assets (2.6)."""
     page = render_sheet(facts())
