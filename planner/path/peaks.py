@@ -287,13 +287,16 @@ def _stretch_peak(
     follow = np.flatnonzero(top >= 0.9 * top.max(initial=0.0))
     axis, known, place = axis[follow], [pair[:, follow] for pair in known], place[follow]
     held, near = border.value[stretch[follow]], reaches.on_pass[:, ends[0, follow]]
-    best = -np.inf, 1.0
+    best, before = (-np.inf, 1.0), np.full(len(place), -np.inf)
     for _ in range(rounds if len(follow) else 0):
         under = ground.surface.evaluate(np.where(axis == 0, place, held), np.where(axis == 0, held, place))
         found = solve_reaches(ground.surface, under, np.full(len(place), plane_mm), near)
         height = np.where(found.is_found, found.height_mm, -np.inf)
         highest = int(np.argmax(height))
         best = max(best, (float(height[highest]), float(found.by_plane[highest])))
+        if (height <= before + 1e-10).all():
+            break
+        before = height
         slope = found.along[axis, np.arange(len(axis))]
         here = np.stack([place, found.height_mm, slope])
         # What is not found stays as it is.

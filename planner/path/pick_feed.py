@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.path.border import Border
+from planner.path.coverage import GapCusps
 from planner.path.offset import OffsetSurface
 from planner.path.one_sided import with_one_sided
 from planner.path.peaks import Ground, Peaks, strip_behind, survey, survey_at
@@ -78,15 +79,17 @@ def solve_pick_feeds(
             tops = tops.with_more(survey(ground, planes, scallop_mm)[1])
         peaks = survey_at(ground, planes, tops)
         peaks = with_one_sided(ground, planes, peaks, scallop_mm) if is_strict else peaks
-    of_exact = survey_at(exact, planes, tops)
     planes = _with_last(ground, planes, scallop_mm, accuracy_mm)
-    peaks = with_one_sided(ground, planes, _trimmed(ground, peaks, planes, scallop_mm), scallop_mm)
+    peaks, tops = _trimmed(ground, peaks, tops, planes, scallop_mm)
+    peaks = with_one_sided(ground, planes, peaks, scallop_mm)
     if end is ChainEnd.SETTLED and float(peaks.height_mm.max(initial=0.0)) > scallop_mm + accuracy_mm:
         end = ChainEnd.LOST
     if end is ChainEnd.SETTLED and peaks.last_mm > scallop_mm + accuracy_mm:
         end = ChainEnd.OPEN
-    of_exact = with_one_sided(exact, planes, _trimmed(exact, of_exact, planes, scallop_mm), scallop_mm - high_mm)
-    return PickFeeds(planes, of_exact, end)
+    if high_mm:
+        peaks = replace(survey_at(exact, planes, tops), missed=peaks.missed)
+        peaks = with_one_sided(exact, planes, peaks, scallop_mm - high_mm)
+    return PickFeeds(planes, peaks, end)
 
 
 def _ceilings(ceilings: Array, planes_mm: Array, peaks: Peaks, scallop_mm: float, accuracy_mm: float) -> Array:
@@ -114,17 +117,21 @@ def _error(planes_mm: Array, peaks: Peaks, ceilings: Array, scallop_mm: float) -
     return float(np.max(np.abs(measured - scallop_mm)))
 
 
-def _trimmed(ground: Ground, peaks: Peaks, planes_mm: Array, scallop_mm: float) -> Peaks:
-    """The peaks of the planes that were kept, the last gap measured anew."""
+def _trimmed(
+    ground: Ground, peaks: Peaks, tops: GapCusps, planes_mm: Array, scallop_mm: float
+) -> tuple[Peaks, GapCusps]:
+    """The peaks and the interior maxima of the planes that were kept, the last gap measured anew."""
     if len(planes_mm) < 3:
-        return survey(ground, planes_mm, scallop_mm)[0]
-    last, _ = survey(ground, planes_mm[-2:], scallop_mm)
+        return survey(ground, planes_mm, scallop_mm)
+    last, of_last = survey(ground, planes_mm[-2:], scallop_mm)
     kept = len(planes_mm) - 2
+    is_kept = tops.gap < kept
+    tops = GapCusps(tops.gap[is_kept], tops.cusps.take(is_kept)).with_more(GapCusps(of_last.gap + kept, of_last.cusps))
 
     def joined(name: str) -> Array:
         return np.concatenate([getattr(peaks, name)[..., :kept], getattr(last, name)], axis=-1)
 
-    return replace(
+    trimmed = replace(
         peaks,
         height_mm=joined("height_mm"),
         by_a=joined("by_a"),
@@ -134,6 +141,7 @@ def _trimmed(ground: Ground, peaks: Peaks, planes_mm: Array, scallop_mm: float) 
         last_mm=last.last_mm,
         missed=peaks.missed + last.missed,
     )
+    return trimmed, tops
 
 
 def even_planes(ground: Ground, pick_feed_mm: float) -> Array:
@@ -218,7 +226,7 @@ def _with_last(ground: Ground, planes_mm: Array, scallop_mm: float, accuracy_mm:
         height, by_plane = strip_behind(ground, np.append(planes_mm[:-1], place))
         if height <= scallop_mm + accuracy_mm:
             best = min(best, place)
-        if abs(height - scallop_mm) <= accuracy_mm or by_plane >= 0:
+        if abs(height - scallop_mm) <= accuracy_mm or by_plane >= 0 or best <= floor:
             break
         place = float(np.clip(place - (height - scallop_mm) / by_plane, before, planes_mm[-1]))
     return np.append(planes_mm[:-1], max(best, floor))
