@@ -12,8 +12,8 @@ from dnc.joblist import PastJob
 from dnc.profile import Control, Link, MachineProfile
 from dnc.profile import Tape as Framing
 from dnc.record import in_doubt
-from dnc.resuming import _lines_in_doubt, doubt_of_interrupted
 from dnc.spool import load_tape
+from dnc.stopped import doubt_of_interrupted, lines_in_doubt
 from dnc.tape import Tape
 
 CONTROL = Control(receive_buffer_bytes=300, xoff_free_bytes=50, xon_fill_bytes=100, lookahead_blocks=4)
@@ -60,7 +60,7 @@ def test_a_profile_that_shrank_since_does_not_narrow_the_window(tmp_path: Path) 
     values = {"bytes_sent": 3000, "bound_bytes": 3000, "receive_buffer_bytes": 1500, "lookahead_blocks": 40}
     with closing(tape_of(tmp_path, BLOCKS)) as whole:
         profile = MachineProfile(link=Link(), control=CONTROL, axes={}, tape=Framing(leader="%\\LF"))
-        first, last = _lines_in_doubt(PastJob("1", "INTERRUPTED", values), whole, profile)
+        first, last = lines_in_doubt(PastJob("1", "INTERRUPTED", values), whole, profile)
         then = in_doubt(
             whole, 3000, 2, msgspec.structs.replace(CONTROL, receive_buffer_bytes=1500, lookahead_blocks=40)
         )

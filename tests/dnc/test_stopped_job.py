@@ -19,8 +19,9 @@ from dnc.journal import Journal
 from dnc.profile import Control, Link, MachineProfile
 from dnc.profile import Tape as Framing
 from dnc.record import append_record
-from dnc.resuming import _last_point_before, _lines_in_doubt, _stopped_job
+from dnc.resuming import _last_point_before
 from dnc.sidecar import Point
+from dnc.stopped import lines_in_doubt, stopped_job
 from dnc.tape import Tape
 from tests.helpers.line import tape_of
 
@@ -43,7 +44,7 @@ def look(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., PastJ
         with closing(tape_of(tmp_path, PROGRAM)) as tape:
             for number, more in enumerate(jobs):
                 append_record(tmp_path / "dnc", {"job": f"2026-{number}", **recorded(tape), **more})
-            return _stopped_job(tape, MACHINE, port, is_forced=is_forced)
+            return stopped_job(tape, MACHINE, port, is_forced=is_forced)
 
     return found
 
@@ -112,9 +113,9 @@ def test_the_record_of_a_restart_is_read_in_lines_of_the_program(
     restart = {"line": 61, "lines_before": 3}
     with closing(tape_of(tmp_path, PROGRAM)) as tape:
         past = PastJob("1", "ABORTED", {"in_doubt": doubt, "restart": restart})
-        assert _lines_in_doubt(past, tape, PROFILE) == lines
+        assert lines_in_doubt(past, tape, PROFILE) == lines
         whole = PastJob("1", "ABORTED", {"in_doubt": doubt})
-        assert _lines_in_doubt(whole, tape, PROFILE) == (tuple(doubt) if doubt else (1, 1))
+        assert lines_in_doubt(whole, tape, PROFILE) == (tuple(doubt) if doubt else (1, 1))
 
 
 def test_a_restart_point_at_the_first_line_in_doubt_is_early_enough(tmp_path: Path) -> None:
