@@ -15,12 +15,13 @@ _OF_RESERVE = 4
 class Outlet:
     """The one place where bytes leave the tape: `offset_bytes` have; none beyond `stop_at` do, where a pause waits."""
 
-    __slots__ = ("_clock", "_tape", "offset_bytes", "stop_at")
+    __slots__ = ("_clock", "_tape", "_thrown_bytes", "offset_bytes", "stop_at")
 
     def __init__(self, tape: Tape, clock: ByteClock, offset_bytes: int) -> None:
         self._tape, self._clock = tape, clock
         self.offset_bytes = offset_bytes
         self.stop_at: int | None = None
+        self._thrown_bytes = 0
 
     @property
     def plain_refill_bytes(self) -> int:
@@ -37,6 +38,18 @@ class Outlet:
     def is_stop_reached(self) -> bool:
         """Whether a pause waits for nothing more."""
         return self.stop_at is not None and self.offset_bytes >= self.stop_at
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether what has left ends inside a block."""
+        return not self._tape.is_block_end(self.offset_bytes)
+
+    @property
+    def may_be_cut(self) -> bool:
+        """Whether a part of a block only may have arrived: cut off here, or thrown away on its way."""
+        tape, thrown_from = self._tape, self.offset_bytes - self._thrown_bytes
+        is_thrown = thrown_from < self.offset_bytes and self.offset_bytes > tape.leader_bytes
+        return self.is_cut or (is_thrown and thrown_from < tape.trailer_from)
 
     def stop_at_block_end(self) -> None:
         """Let nothing leave behind the block that is under way."""
@@ -82,6 +95,15 @@ class Outlet:
         """The last of the bytes did not leave after all."""
         self.offset_bytes -= count_bytes
         self._clock.take_back(count_bytes)
+
+    def thrown_away(self, queued_bytes: int, now_s: float) -> None:
+        """The queues below are being emptied: up to so many of the last bytes, or those in flight, never arrive.
+
+        Where an adapter may hold bytes unseen, it may lose or keep them.
+        """
+        clock = self._clock
+        unseen_bytes = clock.pace.beyond_recall_bytes if clock.pace.unseen_bytes else 0
+        self._thrown_bytes = max(queued_bytes, clock.inflight_bytes(now_s), unseen_bytes)
 
     def _is_plain(self, count_bytes: int) -> bool:
         """Whether no pause, delay or end of the tape makes a write of so many bytes shorter or another."""

@@ -10,15 +10,21 @@ import math
 
 from dnc import alarms
 from dnc.events import Event, Held, JobState, Noise, Resumed, StateChanged
-from dnc.handshake import TABLE, Cause, Heard, Listener, Signal, signal_behind_xoff
+from dnc.handshake import TABLE, Cause, Heard, Listener, Signal
+from dnc.overhearing import Overhearing
 from dnc.pacing import ByteClock
 from dnc.portion import Outlet
 from dnc.rules import Rules
 from dnc.suspicion import Suspicion
 from dnc.tally import Tally
 from dnc.tape import Tape
+from dnc.waits import Wait
 
 _OVER = frozenset({JobState.SENT, JobState.ABORTED, JobState.FAULTED})
+_BROKEN_OFF = {
+    Signal.RESET: (Cause.CONTROL_RESET, alarms.CONTROL_RESET),
+    Signal.ALARM: (Cause.CONTROL_ALARM, alarms.CONTROL_ALARM),
+}
 
 
 class Sender:
@@ -34,10 +40,8 @@ class Sender:
         self._listener = Listener(rules.xon, rules.xoff)
         self._suspicion = Suspicion(tape)
         self._is_held_by_peer = self._has_early_xon = False
-        self._broken_off: tuple[Signal, int] | None = None
-        self._thrown_bytes = 0
-        self._since_s = -math.inf
-        self._is_hold_warned = False
+        self._overhearing = Overhearing(rules)
+        self._wait = Wait(rules)
 
     @property
     def offset_bytes(self) -> int:
@@ -52,15 +56,13 @@ class Sender:
     @property
     def is_cut(self) -> bool:
         """Whether the bytes given out end inside a block."""
-        return not self.tape.is_block_end(self.offset_bytes)
+        return self._outlet.is_cut
 
     @property
     def may_be_cut(self) -> bool:
         """Whether the control may have got a part of a block only: cut off here, thrown away on its way, or overrun."""
-        tape, thrown_from = self.tape, self.offset_bytes - self._thrown_bytes
-        is_thrown = thrown_from < self.offset_bytes and self.offset_bytes > tape.leader_bytes
         is_overrun = self.last_cause is Cause.CONTROL_ALARM  # for all we know: it then kept less than was sent
-        return self.is_cut or is_overrun or (is_thrown and thrown_from < tape.trailer_from)
+        return is_overrun or self._outlet.may_be_cut
 
     @property
     def is_pausing(self) -> bool:
@@ -80,7 +82,7 @@ class Sender:
     @property
     def held_since_s(self) -> float:
         """When the present hold, pause or wait began."""
-        return self._since_s
+        return self._wait.since_s
 
     @property
     def next_wake_s(self) -> float:
@@ -91,11 +93,8 @@ class Sender:
         if state is JobState.DRAINING:
             return self.clock.idle_at_s
         if state is JobState.HELD:
-            is_trailer_left = self.offset_bytes >= self.tape.end.essential_bytes
-            return self._since_s + self.rules.next_limit_s(self._is_hold_warned, is_trailer_left)
-        if state is JobState.ARMED and self.rules.start_timeout_s > 0:
-            return self._since_s + self.rules.start_timeout_s
-        return math.inf
+            return self._wait.hold_limit_at_s(is_trailer_left=self.offset_bytes >= self.tape.end.essential_bytes)
+        return self._wait.start_limit_at_s if state is JobState.ARMED else math.inf
 
     def start(self, now_s: float) -> list[Event]:
         """The operator's start: send at once, or wait for the control's first XON."""
@@ -185,13 +184,8 @@ class Sender:
         self.tally.bytes_sent -= count_bytes
 
     def thrown_away(self, queued_bytes: int, now_s: float) -> None:
-        """The queues below are being emptied: up to so many of the last bytes, or those in flight, never arrive.
-
-        Where an adapter may hold bytes unseen, it may lose or keep them.
-        """
-        clock = self.clock
-        unseen_bytes = clock.pace.beyond_recall_bytes if clock.pace.unseen_bytes else 0
-        self._thrown_bytes = max(queued_bytes, clock.inflight_bytes(now_s), unseen_bytes)
+        """The queues below are being emptied: up to so many of the last bytes, or those in flight, never arrive."""
+        self._outlet.thrown_away(queued_bytes, now_s)
 
     def tick(self, now_s: float) -> list[Event]:
         """Let time pass: block ends reached, time-outs, the last byte gone."""
@@ -204,7 +198,7 @@ class Sender:
             return self._move(Cause.DRAINED, now_s)
         if state is JobState.HELD:
             return self._tick_held(now_s)
-        if state is JobState.ARMED and 0 < self.rules.start_timeout_s <= now_s - self._since_s:
+        if state is JobState.ARMED and self._wait.is_start_over(now_s):
             return self._alarmed(Cause.START_TIMEOUT, alarms.NO_FIRST_XON, "", now_s)
         return []
 
@@ -213,35 +207,29 @@ class Sender:
             return self._xoff(heard.is_masked, now_s)
         if heard.signal is Signal.XON:
             return self._xon(now_s)
-        if heard.signal is Signal.RESET:
-            return self._alarmed(Cause.CONTROL_RESET, alarms.CONTROL_RESET, "", now_s)
-        if heard.signal is Signal.ALARM:
-            return self._alarmed(Cause.CONTROL_ALARM, alarms.CONTROL_ALARM, "", now_s)
+        if heard.signal in _BROKEN_OFF:
+            return self._alarmed(*_BROKEN_OFF[heard.signal], "", now_s)
         return self._noise(heard.data, now_s)
 
     def _overhear(self, data: bytes, now_s: float) -> list[Event]:
         """What comes where XOFF is not read: reset and alarm of the control, an XOFF that the driver let through."""
         for heard in self._listener.hear(data):
-            if heard.signal in (Signal.RESET, Signal.ALARM):
+            if heard.signal in _BROKEN_OFF:
                 return self._hear_one(heard, now_s)
         if not self.rules.is_driver_asked:
             return self._noise(data, now_s)
-        # A driver that stops keeps XOFF to itself: one that comes through, with bit 7 or without, was not obeyed.
-        if {self.rules.xoff, self.rules.xoff ^ 0x80} & set(data):
+        if self._overhearing.is_driver_deaf(data):
             return self._alarmed(Cause.DISTURBED, alarms.DEAF_DRIVER, "", now_s)
         events = self._noise(data, now_s)
-        broken = signal_behind_xoff(data[-1])
-        self._broken_off = None if broken is None else (broken, self.offset_bytes)
+        self._overhearing.note(data, self.offset_bytes)
         return events + self._break_off_if_held(now_s)
 
     def _break_off_if_held(self, now_s: float) -> list[Event]:
         """The driver swallowed the XOFF before SYN or NAK: they count once it is seen to hold, not as lone bytes."""
-        if self._broken_off is None or not self._is_held_by_peer:
+        if not self._is_held_by_peer:
             return []
-        (signal, at_bytes), self._broken_off = self._broken_off, None
-        if self.offset_bytes - at_bytes > self.clock.pace.inflight_max_bytes:
-            return []  # bytes left after it: nothing stopped the driver then
-        return self._hear_one(Heard(signal), now_s)
+        signal = self._overhearing.broken_off(self.offset_bytes, self.clock.pace.inflight_max_bytes)
+        return [] if signal is None else self._hear_one(Heard(signal), now_s)
 
     def _xoff(self, is_masked: bool, now_s: float) -> list[Event]:
         events: list[Event] = []
@@ -250,10 +238,10 @@ class Sender:
         self.tally.masked_xoff_count += is_masked
         if self._is_held_by_peer:
             return events
-        self._is_held_by_peer, self._is_hold_warned, self._has_early_xon = True, False, False
+        self._is_held_by_peer, self._has_early_xon = True, False
         inflight = self.clock.inflight_bytes(now_s)
         self.tally.held(inflight, now_s)
-        self._since_s = now_s
+        self._wait.begin_hold(now_s)
         return [*events, Held(now_s, self.offset_bytes, inflight, is_masked), *self._move(Cause.XOFF, now_s)]
 
     def _xon(self, now_s: float) -> list[Event]:
@@ -287,7 +275,7 @@ class Sender:
         return self._held_for(late_s, now_s)
 
     def _tick_held(self, now_s: float) -> list[Event]:
-        held_s = now_s - self._since_s
+        held_s = now_s - self._wait.since_s
         if self._outlet.is_stop_reached:
             return self._stop_if_reached(now_s)
         if held_s >= self.rules.trailer_wait_s and self._is_only_trailer_left(now_s):
@@ -296,12 +284,10 @@ class Sender:
 
     def _held_for(self, held_s: float, now_s: float) -> list[Event]:
         """What a hold of this length calls for: the time-out, or one warning."""
-        if 0 < self.rules.hold_timeout_s <= held_s:
-            return self._alarmed(Cause.HOLD_TIMEOUT, alarms.HOLD_TIMEOUT, f"{held_s:.0f} s", now_s)
-        if 0 < self.rules.hold_warning_s <= held_s and not self._is_hold_warned:
-            self._is_hold_warned = True
-            return [alarms.LONG_HOLD.at(now_s, self.offset_bytes, f"{held_s:.0f} s")]
-        return []
+        due, detail = self._wait.due(held_s), f"{held_s:.0f} s"
+        if due is alarms.HOLD_TIMEOUT:
+            return self._alarmed(Cause.HOLD_TIMEOUT, due, detail, now_s)
+        return [] if due is None else [due.at(now_s, self.offset_bytes, detail)]
 
     def _is_only_trailer_left(self, now_s: float) -> bool:
         is_essential_gone = self.offset_bytes >= self.tape.end.essential_bytes and now_s >= self.clock.idle_at_s
@@ -330,7 +316,7 @@ class Sender:
             return []
         self.state, self.last_cause = new, cause
         if new in (JobState.ARMED, JobState.PAUSED) or (new is JobState.HELD and old is JobState.PAUSED):
-            self._since_s = now_s
+            self._wait.begin(now_s)
         if new is JobState.PAUSED or new in _OVER:
             self._outlet.stop_at = None
         if new is JobState.SENDING and old in (JobState.LOADED, JobState.ARMED):
