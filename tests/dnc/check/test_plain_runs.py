@@ -175,6 +175,22 @@ def test_a_feed_in_a_block_of_its_own(feed: str, at: int) -> None:
     agree("\n".join(lines).encode())
 
 
+@pytest.mark.parametrize(
+    ("before", "head", "count"),
+    [("F60000", "F300", 2), ("F300", "F60000", 1), ("F60000", "F0.5", 3), ("F60000", "", 1), ("F300", "", 1)],
+)
+def test_the_first_feed_of_a_run_is_held_against_what_was_told_before(before: str, head: str, count: int) -> None:
+    """(6.10) An odd feed at its head is told, and a usual one there ends the odd one: told again where that comes."""
+    run = [f"X{3 + place * 0.1:.1f}" for place in range(60)]
+    run[0] += head
+    run[30] += "F60000"
+    text = "\n".join([HEAD + "X2" + before, "M8", *run]) + "\n" + TAIL
+    assert agree(text.encode()) > 40
+    check = Check(LIMITS)
+    check.chunk(text.encode(), 1)
+    assert [finding.id for finding in check.finish().findings].count("odd-feed") == count
+
+
 _ODD = [
     "N5 G1 X3", "N104 X4", "N999999999 X4", "X30 Y30", "X-30", "G1", "", "N7", "F300", "F0", "X1 Q5", "X5000", "Z-5",
     "G0 Z20", "G0 X9 Z2", "G91", "G90", "G2 X9 Y9 I4 J0", "M30", "M8", "MSG(\"A\")", "g1 x5", "X5 G1", "X7\tY8",
