@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-SOURCES = ("blunt.py", "probe_fast.py")
+SOURCES = ("blunt.py", "piece_fast.py", "probe_fast.py")
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -13,9 +13,9 @@ SIM = Path(blunt.__file__).parent
 def test_machine_code_is_kept_for_exactly_these_sources(tmp_path: Path) -> None:
     """(3.4) Kept code is used only while no file that holds compiled functions has changed, the caller's or another."""
     pytest.importorskip("numba")
-    from sim import probe_fast
+    from sim import piece_fast, probe_fast
 
-    for module in (blunt, probe_fast):
+    for module in (blunt, piece_fast, probe_fast):
         stamps = {each._cache._cache_file._source_stamp for each in vars(module).values() if hasattr(each, "_cache")}
         assert stamps == {source_stamp(SIM)}
     for name in SOURCES:
