@@ -85,14 +85,7 @@ class LiveMill:
         self._block: int | None = None
         self._awaits_tool = False
         self._orders: list[Order] = []
-        keys = {
-            "single_block": Key(self._single_block, self._continuous),
-            "feed_hold": Key(self._feed_hold, self._cycle_start),
-            "reset": Key(self._reset),
-            "alarm": Key(self._emergency),
-            "power_cycle": Key(self._power_off, self._power_on),
-        }
-        self._operator = Operator(faults, self._start, self._cycle_start, keys)
+        self._operator = Operator(faults, self._start, self._cycle_start, self._keys())
 
     def hear(self, heard: Heard) -> None:
         """What has come into the ring."""
@@ -240,18 +233,22 @@ class LiveMill:
 
     def _follow_tool(self, now_s: float) -> None:
         """A change of tool is a wait for something that is not the program."""
-        stands = self.machine.stands
-        is_changing = (
-            bool(stands)
-            and stands[-1].reason is StopReason.TOOL_CHANGE
-            and stands[-1].t_s + stands[-1].duration_s >= self.machine.time_s
-        )
-        if is_changing:
+        if self.machine.stands_for is StopReason.TOOL_CHANGE:
             self.control.happens(Happening.TOOL_CHANGE, now_s)
         elif self.control.happens(Happening.TOOL_CHANGED, now_s):
             self._awaits_tool = False
 
     # --- keys
+
+    def _keys(self) -> dict[str, Key]:
+        """What each key does, and its release, by the name of its fault."""
+        return {
+            "single_block": Key(self._single_block, self._continuous),
+            "feed_hold": Key(self._feed_hold, self._cycle_start),
+            "reset": Key(self._reset),
+            "alarm": Key(self._emergency),
+            "power_cycle": Key(self._power_off, self._power_on),
+        }
 
     def _start(self, now_s: float) -> None:
         self.control.happens(Happening.CYCLE_START, now_s)

@@ -64,9 +64,8 @@ class Machine:
 
     def _begin(self) -> None:
         """Nothing queued and nothing asked: the state after power-on and after a reset."""
-        self._pending: list[Command | LineRun] = []
         self._preparation = Preparation(self._times, stops_at_optional=self._stops_at_optional)
-        self._standing_steps = 0
+        self._record.owe_rest(0)
         self._is_closed = self._is_holding = self._is_resetting = False
         self._state = MachineState.READY
 
@@ -74,7 +73,7 @@ class Machine:
 
     def offer(self, command: Command | LineRun) -> None:
         """Queue an interpreted command, or a run of straight cuts."""
-        self._pending.append(command)
+        self._preparation.offer(command)
 
     def close(self) -> None:
         """No more blocks will come: standing at the end of what is known is the end, not starvation."""
@@ -104,7 +103,7 @@ class Machine:
     def reset(self) -> None:
         """Stop along the path, then forget everything that is queued."""
         self._is_holding = self._is_resetting = True
-        self._pending.clear()
+        self._preparation.forget_offers()
         if self._interpolator.is_settled:
             self._finish_reset()
 
@@ -136,16 +135,17 @@ class Machine:
     @property
     def starved(self) -> list[StarvedInterval]:
         """Every time the machine stood in cycle for want of blocks, the present one included."""
-        return [
-            StarvedInterval(stand.t_s, stand.duration_s, stand.position_mm, stand.line, stand.block)
-            for stand in self._record.stands()
-            if stand.reason is StopReason.STARVED
-        ]
+        return self._record.starved()
 
     @property
     def stands(self) -> list[StandStill]:
         """Every standstill with its reason, the present one included."""
         return self._record.stands()
+
+    @property
+    def stands_for(self) -> StopReason | None:
+        """Why the machine stands now, or None."""
+        return self._record.reason
 
     @property
     def roundings(self) -> list[Rounding]:
@@ -188,31 +188,25 @@ class Machine:
         )
 
     def _queued(self) -> int:
-        waiting = sum(len(each) if isinstance(each, LineRun) else 1 for each in self._pending)
-        return waiting + self._interpolator.motion_count - self._interpolator.ordinal
+        return self._preparation.offered + self._interpolator.motion_count - self._interpolator.ordinal
 
     # --- what it does
 
     def _prepare(self) -> None:
         """Take what was offered into the path and the queue of events."""
-        if not self._pending or self._is_resetting:
+        if not self._preparation.has_offers or self._is_resetting:
             return
         if self._state is MachineState.READY:
             self._state = MachineState.ACTIVE
-        runs = self._preparation.take(
-            self._pending, self._interpolator.motion_count, is_single_block=self._interpolator.is_single_block
-        )
-        self._pending.clear()
+        interpolator = self._interpolator
+        runs = self._preparation.take(interpolator.motion_count, is_single_block=interpolator.is_single_block)
         if runs:
             self._interpolator.add(runs)
 
     def _do_something(self, limit: float) -> bool:
         """One stretch of standing, one event or one run of the law; False when only others can make it go on."""
         left = limit - self._record.step
-        if self._standing_steps > 0:
-            steps = int(min(self._standing_steps, left))
-            self._record.stand(steps, self._position)
-            self._standing_steps -= steps
+        if self._record.rest(left, self._position):
             return True
         if self._state not in (MachineState.ACTIVE, MachineState.FEED_HOLD):
             return False
@@ -298,13 +292,13 @@ class Machine:
         if reason is not None:
             self._record.begin_stand(reason, self._position)
         if reason is StopReason.EXACT_STOP:
-            self._standing_steps = math.ceil(self._settle_s / self._step_s)
+            self._record.owe_rest(math.ceil(self._settle_s / self._step_s))
 
     def _do_event(self, command: Command) -> None:
         """Carry out what is no motion."""
         halt = self._auxiliary.carry_out(command)
         if halt is not None:
             self._record.begin_stand(halt.reason, self._position)
-            self._standing_steps = math.ceil(halt.time_s / self._step_s - 1e-9)
+            self._record.owe_rest(math.ceil(halt.time_s / self._step_s - 1e-9))
             self._state = halt.state or self._state
         self._record.at(command.line, command.block)

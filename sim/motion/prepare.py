@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sim.interpreter import canon
@@ -25,10 +25,11 @@ class Event:
 
 
 class Preparation:
-    """What is modal between one command and the next, and the events that wait for their motions."""
+    """What was offered and is not prepared yet, what is modal between commands, and the events that await motions."""
 
     def __init__(self, times: MachineTimes, *, stops_at_optional: bool) -> None:
         self.events: deque[Event] = deque()
+        self._offers: list[Command | LineRun] = []
         self._times = times
         self._tolerance_mm = times.continuous_mm
         self._stops_at_optional = stops_at_optional
@@ -38,11 +39,30 @@ class Preparation:
         self._spindle_rpm = 0.0
         self._runs: list[Run] = []
 
-    def take(self, commands: Iterable[Command | LineRun], motions: int, *, is_single_block: bool) -> list[Run]:
-        """The runs of these commands; `motions` is how many motions came before them.
+    @property
+    def offered(self) -> int:
+        """How many commands, each cut of a run counted, wait to be prepared."""
+        return sum(len(each) if isinstance(each, LineRun) else 1 for each in self._offers)
+
+    def offer(self, command: Command | LineRun) -> None:
+        """Queue an interpreted command, or a run of straight cuts."""
+        self._offers.append(command)
+
+    @property
+    def has_offers(self) -> bool:
+        """Whether anything waits to be prepared."""
+        return bool(self._offers)
+
+    def forget_offers(self) -> None:
+        """What was offered and is not prepared will not be."""
+        self._offers.clear()
+
+    def take(self, motions: int, *, is_single_block: bool) -> list[Run]:
+        """The runs of all that was offered; `motions` is how many motions came before.
 
         In single block corners are not rounded, since the axes stop there.
         """
+        commands, self._offers = self._offers, []
         self._runs, self._is_single_block = [], is_single_block
         straight: list[Motion] = []
         for command in commands:
