@@ -74,9 +74,7 @@ def plan_job(
     of programmed speeds alone; `travel_mm` is how far the machine's axes X, Y, Z go.
     Raises InputRejected with one sentence for whatever cannot be planned.
     """
-    job = load_job(job_path)
-    if post:
-        job = msgspec.structs.replace(job, post=msgspec.structs.replace(job.post, **post))
+    job = _job_with(job_path, post or {})
     with _naming_lines(job_path, post or {}):
         operation = _only_operation(job, job_path)
         _check_digits(operation, control)
@@ -103,6 +101,12 @@ def plan_job(
         report["rivals"] = compare_rivals(job, operation, layout, control)
     warnings = (*written.warnings, *stock_warnings(job), *_warnings(operation, report, line))
     return Planned(written.data, written.sidecar, tool_path, report, warnings, job, layout)
+
+
+def _job_with(job_path: Path, post: dict[str, str]) -> Job:
+    """The job in this file, with these keys of its `[post]` table in place of its own."""
+    job = load_job(job_path)
+    return msgspec.structs.replace(job, post=msgspec.structs.replace(job.post, **post))
 
 
 @contextlib.contextmanager

@@ -35,37 +35,16 @@ def plan_report(
     planning_time_s: float,
 ) -> dict[str, Any]:
     """The report of one planned operation; `line` is (baud, bits a character) of the machine's own line."""
-    peaks = layout.peaks
     to_centre_mm = tool_path.radius_mm if job.post.reference == "tip" else 0.0
     air = air_moves(tool_path.passes, job.setup.clearance_z_mm + to_centre_mm, job.setup.safe_z_mm + to_centre_mm)
     cut_mm = sum(one.length_mm for one in tool_path.passes)
-    deviation_mm = max(one.deviation_mm for one in tool_path.passes)
-    scallop_mm = max(float(peaks.height_mm.max(initial=0.0)), peaks.first_mm, peaks.last_mm)
-    methods = {one.method for one in tool_path.passes}
-    worst = max(methods, key=lambda method: method.value)
     return {
         "schema": "dripmill.plan",
         "version": 1,
         "control": job.post.control,
         "blocks_kind": _kinds(tool_path),
-        "passes": len(tool_path.passes),
-        "angle_deg": float(np.degrees(tool_path.passes[0].plane.angle_rad)),
-        "planes": len(tool_path.pick_feeds_mm) + 1,
-        "pick_feed_mm": tool_path.pick_feeds_mm.tolist(),
-        "scallop_asked_mm": operation.scallop_mm,
-        "scallop_mm": scallop_mm,
-        "scallop_gaps_mm": peaks.height_mm.tolist(),
-        "scallop_first_mm": peaks.first_mm,
-        "scallop_last_mm": peaks.last_mm,
-        "gouge_mm": layout.gouge_mm + deviation_mm + written.rounding_mm,
-        "path_deviation_mm": deviation_mm + written.rounding_mm,
-        "fit_deviation_mm": deviation_mm,
-        "rounding_mm": written.rounding_mm,
-        "method": {
-            "scallop_mm": tool_path.scallop_method.value,
-            "gouge_mm": Method.SAMPLED.value,
-            "path_deviation_mm": worst.value,
-        },
+        **_distances(operation, tool_path, layout),
+        **_errors(tool_path, layout, written),
         "break_points": sum(len(one.break_points) for one in tool_path.passes),
         "spans": sum(segments(one.shape) for one in tool_path.passes),
         "blocks": written.blocks,
@@ -78,6 +57,39 @@ def plan_report(
         "machining_time_s": _machining_time_s(operation, cut_mm, air, rapid_mm_min),
         "planning_time_s": planning_time_s,
         "feed_limit_mm_min": feed_limits(job, operation, tool_path, written, line),
+    }
+
+
+def _distances(operation: Operation, tool_path: ToolPath, layout: Layout) -> dict[str, Any]:
+    """How the passes lie, and what they leave between them."""
+    peaks = layout.peaks
+    return {
+        "passes": len(tool_path.passes),
+        "angle_deg": float(np.degrees(tool_path.passes[0].plane.angle_rad)),
+        "planes": len(tool_path.pick_feeds_mm) + 1,
+        "pick_feed_mm": tool_path.pick_feeds_mm.tolist(),
+        "scallop_asked_mm": operation.scallop_mm,
+        "scallop_mm": max(float(peaks.height_mm.max(initial=0.0)), peaks.first_mm, peaks.last_mm),
+        "scallop_gaps_mm": peaks.height_mm.tolist(),
+        "scallop_first_mm": peaks.first_mm,
+        "scallop_last_mm": peaks.last_mm,
+    }
+
+
+def _errors(tool_path: ToolPath, layout: Layout, written: Written) -> dict[str, Any]:
+    """How far the program as written may stand from the exact passes and cut into the part, and how that is known."""
+    deviation_mm = max(one.deviation_mm for one in tool_path.passes)
+    worst = max((one.method for one in tool_path.passes), key=lambda method: method.value)
+    return {
+        "gouge_mm": layout.gouge_mm + deviation_mm + written.rounding_mm,
+        "path_deviation_mm": deviation_mm + written.rounding_mm,
+        "fit_deviation_mm": deviation_mm,
+        "rounding_mm": written.rounding_mm,
+        "method": {
+            "scallop_mm": tool_path.scallop_method.value,
+            "gouge_mm": Method.SAMPLED.value,
+            "path_deviation_mm": worst.value,
+        },
     }
 
 

@@ -113,6 +113,19 @@ def _sentences(found: Collection) -> list[str]:
     ]
 
 
+def _rows(watch: SheetWatch, blocks: int, size_bytes: int, need_bytes_s: float) -> tuple[tuple[str, str], ...]:
+    """Spindle, feed, size, and what the program asks of the line, each with its name."""
+    link = watch.limits.profile.link
+    rate = line_bytes_s(link)
+    return (
+        ("Spindle", f"{watch.spindle_rpm:g} rpm"),
+        ("Feed", f"up to {watch.feed_mm_min:g} mm/min over {watch.cut_mm:.0f} mm"),
+        ("Program", f"{blocks} blocks, {size_bytes} bytes"),
+        ("Time on the line", f"at least {size_bytes / rate:.0f} s at {link.baud} baud"),
+        ("Load of the line", f"worst 2 s at 120 % override: {need_bytes_s:.0f} of {rate:.0f} bytes/s"),
+    )
+
+
 def program_sheet(
     path: Path,
     watch: SheetWatch,
@@ -135,8 +148,6 @@ def program_sheet(
         stamp = read_stamp(file.read(4096))
         file.seek(0)
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    size_bytes = path.stat().st_size
-    rate = line_bytes_s(watch.limits.profile.link)
     box = watch.limits.stock_box_mm
     words = f"ball, R {stamp.radius_mm:g}" if stamp else "not said in the program"
     known = {} if job is None else {tool.number: sheet_tool(tool) for tool in job.tool}
@@ -152,13 +163,7 @@ def program_sheet(
         high_mm=np.array(watch.high),
         cutting_s=watch.cutting_s,
         air_s=watch.air_s if machining_s is None else max(machining_s - watch.cutting_s, 0.0),
-        rows=(
-            ("Spindle", f"{watch.spindle_rpm:g} rpm"),
-            ("Feed", f"up to {watch.feed_mm_min:g} mm/min over {watch.cut_mm:.0f} mm"),
-            ("Program", f"{blocks} blocks, {size_bytes} bytes"),
-            ("Time on the line", f"at least {size_bytes / rate:.0f} s at {watch.limits.profile.link.baud} baud"),
-            ("Load of the line", f"worst 2 s at 120 % override: {need_bytes_s:.0f} of {rate:.0f} bytes/s"),
-        ),
+        rows=_rows(watch, blocks, path.stat().st_size, need_bytes_s),
         warnings=tuple(_sentences(found)[:_MOST_WARNINGS]),
         lines=lines,
     )

@@ -99,10 +99,7 @@ def trace(
     Raises InputRejected, naming patch and place, where the extended surface does not reach that far or bends too
     sharply.
     """
-    counts = np.maximum(np.ceil((w_mm[:, 1] - w_mm[:, 0]) / spacing_mm), 8).astype(np.intp) + 1
-    owner = np.repeat(np.arange(len(planes)), counts)
-    rank = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    place = w_mm[owner, 0] + rank / (counts[owner] - 1) * (w_mm[owner, 1] - w_mm[owner, 0])
+    owner, place = _first_places(w_mm, spacing_mm)
     offsets = np.array([plane.offset_mm for plane in planes])
     start = seeds.near(np.stack([place, offsets[owner]]))
     nodes, is_found = solve_on_planes(surface, offsets[owner], place, start)
@@ -127,6 +124,21 @@ def trace(
         where = f"{nodes.points[wide[0], 0]:.3f} mm along the pass at {offsets[owner[wide[0]]]:.3f} mm"
         what = f"{surface.patch.name} bends too sharply for path_mm ({where})"
         raise InputRejected(what, remedy="give a larger path_mm or a surface without that edge")
+    return _curves(surface, planes, owner, nodes)
+
+
+def _first_places(w_mm: Array, spacing_mm: float) -> tuple[Indices, Array]:
+    """Of every curve's first nodes, evenly spread over w_mm[k]: the curve's row, and the place along it, mm."""
+    counts = np.maximum(np.ceil((w_mm[:, 1] - w_mm[:, 0]) / spacing_mm), 8).astype(np.intp) + 1
+    owner = np.repeat(np.arange(len(w_mm)), counts)
+    rank = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return owner, w_mm[owner, 0] + rank / (counts[owner] - 1) * (w_mm[owner, 1] - w_mm[owner, 0])
+
+
+def _curves(
+    surface: OffsetSurface, planes: Sequence[DrivingPlane], owner: Indices, nodes: CurveSamples
+) -> list[TracedCurve]:
+    """The curves that own these nodes, one a plane."""
     cuts = np.searchsorted(owner, np.arange(1, len(planes)))
     columns = (nodes.points, nodes.tangents, nodes.curvatures, nodes.parameters)
     parts = zip(*(np.split(field, cuts) for field in columns), strict=True)
