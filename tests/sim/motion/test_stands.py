@@ -55,20 +55,23 @@ def test_an_exact_stop_of_one_block_is_of_that_block() -> None:
 
 
 @pytest.mark.parametrize(
-    ("mode", "tolerance_mm", "deviation_mm"),
+    ("mode", "tolerance_mm", "deviation_mm", "feed_mm_min"),
     [
-        (PathMode.ROUNDING_TOLERANCE, 0.05, 0.05),
-        (PathMode.ROUNDING_TOLERANCE, None, 0.01),
-        (PathMode.ROUNDING_DISTANCE, 0.4, 0.4 * 0.375 * math.sqrt(0.5)),
-        (PathMode.CONTINUOUS, None, 0.01),
+        (PathMode.ROUNDING_TOLERANCE, 0.05, 0.05, 100.0),
+        (PathMode.ROUNDING_TOLERANCE, None, 0.02, 100.0),
+        (PathMode.ROUNDING_DISTANCE, 0.4, 0.4 * 0.375 * math.sqrt(0.5), 100.0),
+        (PathMode.CONTINUOUS, None, 0.01, 3000.0),
     ],
 )
 def test_a_square_corner_is_rounded_as_far_as_its_mode_says(
-    mode: PathMode, tolerance_mm: float | None, deviation_mm: float
+    mode: PathMode, tolerance_mm: float | None, deviation_mm: float, feed_mm_min: float
 ) -> None:
-    """(7.1) G642 uses its tolerance up, G641 begins and ends at its distance; 0.375 d sin(theta/2) off the corner."""
-    corner = lines([(0.0, 0.0, 0.0), (20.0, 0.0, 0.0), (20.0, 20.0, 0.0)], 3000.0)
-    machine, samples = run([path_mode(mode, tolerance_mm), *corner])
+    """(7.1) G642 uses its tolerance up, G641 begins and ends at its distance; 0.375 d sin(theta/2) off the corner.
+
+    Both at a feed that would need less of it; G64 takes no more than 0.01 mm where its feed would need more.
+    """
+    corner = lines([(0.0, 0.0, 0.0), (20.0, 0.0, 0.0), (20.0, 20.0, 0.0)], feed_mm_min)
+    machine, samples = run([path_mode(mode, tolerance_mm), *corner], times=MachineTimes(rounding_mm=0.02))
     (rounding,) = machine.roundings
     assert rounding.deviation_mm == pytest.approx(deviation_mm, rel=1e-6)
     assert rounding.corner_mm == (20.0, 0.0, 0.0)
@@ -90,6 +93,19 @@ def test_a_hold_during_a_dwell_stands_behind_it() -> None:
     machine.cycle_start()
     machine.advance(math.inf)
     assert (machine.snapshot().state, machine.snapshot().position_mm) == (MachineState.COMPLETED, SECOND.end)
+
+
+def test_a_hold_during_the_last_dwell_stands_before_the_end() -> None:
+    """(7.1) The program has ended when cycle start has been pressed."""
+    machine = machine_with([FIRST, canon.Dwell(2, None, 1.0)])
+    machine.close()
+    machine.advance(1.0)
+    machine.feed_hold()
+    machine.advance(10.0)
+    assert machine.snapshot().state is MachineState.FEED_HOLD
+    machine.cycle_start()
+    machine.advance(math.inf)
+    assert machine.snapshot().state is MachineState.COMPLETED
 
 
 def test_a_hold_in_a_move_is_told_as_one() -> None:
@@ -119,14 +135,52 @@ def test_a_hold_at_a_programmed_stop_changes_nothing() -> None:
     assert machine.snapshot().position_mm == SECOND.end
 
 
-@pytest.mark.parametrize(("stops", "expected"), [(True, [StopReason.OPTIONAL_STOP]), (False, [])])
-def test_m1_stops_only_where_it_is_switched_on(stops: bool, expected: list[StopReason]) -> None:
-    """(7.1) Switched off it costs no standstill either."""
+@pytest.mark.parametrize("stops", [True, False])
+def test_m1_stops_only_where_it_is_switched_on(stops: bool) -> None:
+    """(7.1) Switched off it does not slow the axes down either."""
     machine = machine_with([FIRST, canon.Stop(2, None, True), SECOND], stops_at_optional=stops)
     machine.close()
-    machine.advance(math.inf)
+    samples = machine.advance(math.inf)
     assert machine.snapshot().state is (MachineState.OPTIONAL_STOP if stops else MachineState.COMPLETED)
-    assert reasons(machine)[:1] == [*expected, StopReason.END][:1]
+    assert reasons(machine) == [StopReason.OPTIONAL_STOP if stops else StopReason.END]
+    assert stops or samples.feed_mm_min[np.argmin(np.abs(samples.position_mm[:, 0] - 5.0))] == pytest.approx(600.0)
+
+
+def test_a_spindle_told_its_own_speed_does_not_stop_the_axes() -> None:
+    """(7.1) S and M3 again, as CAM systems write them before every pass."""
+    spindle = canon.Spindle(1, None, 900.0)
+    machine = machine_with([spindle, FIRST, spindle, SECOND])
+    machine.close()
+    samples = machine.advance(math.inf)
+    assert reasons(machine) == [StopReason.SPINDLE, StopReason.END]
+    assert samples.feed_mm_min[np.argmin(np.abs(samples.position_mm[:, 0] - 5.0))] == pytest.approx(600.0)
+
+
+def test_single_block_is_told_as_such_and_an_exact_stop_stays_one() -> None:
+    """(7.1)"""
+    machine = machine_with([FIRST, canon.ExactStopOnce(2, None), SECOND])
+    machine.close()
+    machine.set_single_block(True)
+    for _ in range(2):
+        machine.advance(math.inf)
+        assert machine.snapshot().state is MachineState.SINGLE_BLOCK
+        machine.cycle_start()
+    assert reasons(machine) == [StopReason.SINGLE_BLOCK, StopReason.EXACT_STOP]
+
+
+def test_a_way_back_is_a_stop_at_a_corner() -> None:
+    """(7.1) No rounding turns by 180 degrees."""
+    machine, _ = run(lines([(0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (1.0, 0.0, 0.0)], 600.0))
+    assert reasons(machine) == [StopReason.CORNER, StopReason.END]
+    assert machine.roundings == []
+
+
+def test_g641_rounds_no_rapid() -> None:
+    """(7.1) Cuts are rounded over its distance, a corner from or into a rapid is not."""
+    square = [(0.0, 0.0, 0.0), (20.0, 0.0, 0.0), (20.0, 20.0, 0.0), (0.0, 20.0, 0.0)]
+    way = [canon.Rapid(1, None, square[0], square[1]), *lines(square[1:], 600.0)]
+    machine, _ = run([path_mode(PathMode.ROUNDING_DISTANCE, 0.4), *way])
+    assert [rounding.corner_mm for rounding in machine.roundings] == [square[2]]
 
 
 def test_an_alarm_ends_in_reset_alone() -> None:
@@ -191,16 +245,17 @@ def test_the_end_of_a_program_switches_off_and_is_left_by_cycle_start() -> None:
 
 def test_override_zero_is_told_as_such_before_and_within_a_move() -> None:
     """(7.1)"""
-    machine = machine_with([FIRST])
+    machine = machine_with([canon.Line(1, None, (1.0, 2.0, 3.0), (5.0, 2.0, 3.0), 600.0)])
     machine.close()
     machine.set_override(0.0)
     machine.advance(1.0)
     assert machine.stands_for is StopReason.OVERRIDE
+    assert machine.snapshot().position_mm == machine.stands[0].position_mm == (1.0, 2.0, 3.0)
     machine.set_override(100.0)
     machine.advance(1.2)
     assert machine.stands_for is None
     machine.set_override(0.0)
     machine.advance(3.0)
     assert machine.stands_for is StopReason.OVERRIDE
-    assert 0.0 < machine.snapshot().position_mm[0] < 5.0
+    assert 1.0 < machine.snapshot().position_mm[0] < 5.0
     assert reasons(machine) == [StopReason.OVERRIDE, StopReason.OVERRIDE]
