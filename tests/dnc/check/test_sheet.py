@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from dnc.check.finding import Collection, Finding, Severity
 from dnc.check.limits import Limits
-from dnc.check.sheet import SheetWatch
+from dnc.check.sheet import SheetWatch, program_sheet
 from dnc.cli.check import command
 from dnc.cli.main import run_with
 from dnc.profile import load_profile
@@ -50,6 +51,76 @@ def test_extents_and_picture_follow_arcs() -> None:
     assert [*watch.low, *watch.high] == pytest.approx([-20.0, -20.0, -10.0, 20.0, 20.0, 0.0], abs=1e-9)
     drawn = np.vstack(watch.lines)
     assert [drawn[:, 0].min(), drawn[:, 1].max(), drawn[:, 2].min()] == pytest.approx([-20.0, 20.0, -10.0], abs=0.2)
+
+
+TWO_STROKES = b"""G17 G54 G90
+T3 M6
+S1200 M4
+G4 F2
+G0 Z50
+X0 Y0
+Z5
+G1 Z-1 F100
+X30 F600
+Y20 F300
+G0 Z50
+G1 Z10 F900
+X60
+G0 Z5
+T4 M6
+S800 M3
+T3 M6
+G1 Z-1 F100
+X70 F500
+M30
+"""
+
+
+def watched(program: bytes) -> SheetWatch:
+    watch = SheetWatch(Limits(load_profile(shipped_path("machines", "sinumerik-840d"))))
+    for one in interpret(program):
+        watch(one)
+    return watch
+
+
+def test_what_the_sheet_gathers() -> None:
+    """(2.6) Largest spindle speed and feed of the cuts, each tool once, cuts apart from ways in air, dwells."""
+    watch = watched(TWO_STROKES)
+    assert (watch.tools, watch.spindle_rpm, watch.feed_mm_min) == ([3, 4], 1200.0, 600.0)
+    assert (watch.cut_mm, watch.cutting_s) == (60.0, pytest.approx(30 / 10 + 20 / 5 + 10 * 60 / 500))
+    assert watch.air_s - watched(TWO_STROKES.replace(b"G4 F2\n", b"")).air_s == pytest.approx(2.0)
+    assert [*watch.low, *watch.high] == [0.0, 0.0, -1.0, 70.0, 20.0, -1.0]
+    assert [line.tolist() for line in watch.lines] == [
+        [[0.0, 0.0, -1.0], [30.0, 0.0, -1.0], [30.0, 20.0, -1.0]],
+        [[60.0, 20.0, -1.0], [70.0, 20.0, -1.0]],
+    ]
+
+
+def test_the_picture_follows_a_spline_to_its_end_and_no_rapid() -> None:
+    """(2.6)"""
+    rows = ((-10.0, 0.0, 0.0), (10.0, 0.0, 0.0), (0.0, 10.0, 0.0))
+    watch = watched(b"")
+    watch(canon.Polynomial(2, None, (-10.0, 0.0, 0.0), (0.0, 10.0, 0.0), rows, (1.0,), 1.0, 1200.0))
+    watch(canon.Rapid(3, None, (0.0, 10.0, 0.0), (50.0, 0.0, 5.0)))
+    watch(canon.Line(4, None, (50.0, 0.0, 0.0), (60.0, 0.0, 0.0), 600.0))
+    line, behind = watch.lines
+    assert behind.tolist() == [[50.0, 0.0, 0.0], [60.0, 0.0, 0.0]]
+    assert [line[0].tolist(), line[-1].tolist()] == [[-10.0, 0.0, 0.0], [0.0, 10.0, 0.0]]
+    assert np.allclose(line[4], (-5.0, 2.5, 0.0))
+
+
+def test_the_sheet_tells_errors_first_each_kind_once_and_what_the_line_must_carry(tmp_path: Path) -> None:
+    """(2.6) Notes are for `dnc check` alone."""
+    program, found = tmp_path / "part.mpf", Collection()
+    program.write_bytes(TWO_STROKES)
+    kinds = [("w", Severity.WARNING, 1), ("n", Severity.NOTE, 2), *(("e", Severity.ERROR, line) for line in (3, 4, 5))]
+    found.add(Finding(name, severity, line, 1, f"text {name}", "", "") for name, severity, line in kinds)
+    page = program_sheet(program, watched(TWO_STROKES), found, 20, need_bytes_s=123.0, machining_s=None)
+    assert page is not None
+    assert 0 < page.index("line 3: text e (and 2 more of this kind)") < page.index("line 1: text w<")
+    assert "text n" not in page
+    assert f"at least {len(TWO_STROKES) / 960:.0f} s at 9600 baud" in page
+    assert "worst 2 s at 120 % override: 123 of 960 bytes/s" in page
 
 
 def test_picture_stays_bounded() -> None:
