@@ -9,7 +9,7 @@ import numpy as np
 from planner.errors import InputRejected
 from planner.job import Job
 from planner.path.model import Array, ToolPath
-from planner.path.moves import nodes_of
+from planner.path.moves import corners_of
 from planner.surface.curvature import survey
 from planner.surface.patch import NurbsPatch
 
@@ -33,7 +33,7 @@ def check_part(patch: NurbsPatch, radius_mm: float, travel_mm: Travel, path: Pat
 
 def check_program(job: Job, tool_path: ToolPath, travel_mm: Travel, path: Path) -> None:
     """Raises InputRejected where the program reaches further along an axis than the machine goes."""
-    points: list[Array] = [one.plane.to_work(nodes_of(one.shape)) for one in tool_path.passes]
+    points: list[Array] = [one.plane.to_work(corners_of(one.shape)) for one in tool_path.passes]
     low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
     # Centres of the ball so far; a programmed tip stands lower.
     high[2] = job.setup.safe_z_mm + (tool_path.radius_mm if job.post.reference == "tip" else 0.0)

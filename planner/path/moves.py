@@ -64,6 +64,21 @@ def nodes_of(shape: Shape) -> Array:
     return shape.control_points if isinstance(shape, PlaneSpline) else shape.points
 
 
+def corners_of(shape: Shape) -> Array:
+    """Points (n, 2) that box a shape in its plane: its nodes, and the lowest and highest places of arcs between them.
+
+    Arcs never turn back in w. Control points may stand outside the curve, never inside.
+    """
+    if not isinstance(shape, ArcChain):
+        return nodes_of(shape)
+    begin, end = shape.points[:-1], shape.points[1:]
+    below = shape.turns * (end[:, 0] - begin[:, 0]) > 0  # counter-clockwise along +w an arc runs below its centre
+    radius_mm = np.hypot(*(begin - shape.centres).T)
+    tips = shape.centres + np.stack([np.zeros(len(below)), np.where(below, -radius_mm, radius_mm)], axis=1)
+    is_on = (shape.turns != 0) & ((shape.centres[:, 0] - begin[:, 0]) * (shape.centres[:, 0] - end[:, 0]) < 0)
+    return np.concatenate([shape.points, tips[is_on]])
+
+
 def end_points(shape: Shape) -> Array:
     """First and last point of a shape in its plane, (2, 2) of (w, z), mm."""
     return nodes_of(shape)[[0, -1]]
