@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.path.border import Border
+from planner.path.border_tops import tops_between
 from planner.path.coverage import BorderHeights, best_of_each, border_heights
 from planner.path.peaks import Ground, Peaks
 
@@ -44,8 +45,11 @@ def with_one_sided(ground: Ground, planes_mm: Array, peaks: Peaks, scallop_mm: f
     heights = border_heights(ground.surface, ground.border, planes_mm)
     alone = one_sided(ground.border, heights, planes_mm, ground.surface.radius_mm)
     peaks = _raised(peaks, alone, np.where(peaks.height_mm > 0, peaks.height_mm, scallop_mm))
-    least_mm = np.maximum((1 + CLEARLY) * peaks.height_mm, (1 - CLEARLY) * scallop_mm)
-    return _raised(peaks, tips(ground.border, heights, planes_mm, scallop_mm), least_mm)
+    tops = _tops(ground, heights, planes_mm, 0.9 * np.maximum(peaks.height_mm, scallop_mm))
+    for border, known in ((ground.border, heights), (tops, border_heights(ground.surface, tops, planes_mm))):
+        least_mm = np.maximum((1 + CLEARLY) * peaks.height_mm, (1 - CLEARLY) * scallop_mm)
+        peaks = _raised(peaks, tips(border, known, planes_mm, scallop_mm), least_mm)
+    return peaks
 
 
 def _raised(peaks: Peaks, held: OneSided, least_mm: Array) -> Peaks:
@@ -76,8 +80,33 @@ def one_sided(border: Border, heights: BorderHeights, planes_mm: Array, radius_m
     return _held_by(border, heights, by_a, by_b, bare)
 
 
+def _tops(ground: Ground, heights: BorderHeights, planes_mm: Array, least_mm: Array) -> Border:
+    """Places between samples where the height that the nearer pass leaves is greatest: bulges into a gap.
+
+    Those are sought that promise `least_mm` (passes - 1,) or more; they are no ring.
+    """
+    ring, border = np.arange(len(heights.gap)), ground.border
+    onward = border.after(ring)
+    is_both = np.isfinite(heights.below) & np.isfinite(heights.above)
+    is_inner = (heights.gap >= 1) & (heights.gap < len(planes_mm)) & (heights.gap == heights.gap[onward])
+    is_inner &= is_both & is_both[onward]
+    is_a = heights.below <= heights.above
+    found = []
+    for is_lower, level, reaches, back in (
+        (is_a, heights.below, heights.lower, 1),
+        (~is_a, heights.above, heights.upper, 0),
+    ):
+        stretch = np.flatnonzero(is_inner & (is_lower | is_lower[onward]))
+        gap = heights.gap[stretch]
+        planes, least = planes_mm[gap - back], least_mm[gap - 1]
+        found.append(tops_between(ground.surface, border, stretch, planes, (level, reaches), least)[0])
+    parameters = np.concatenate([one.parameters for one in found], axis=1)
+    held, value = (np.concatenate([getattr(one, name) for one in found]) for name in ("held", "value"))
+    return Border(parameters, held, value, ground.surface.evaluate(parameters[0], parameters[1]))
+
+
 def tips(border: Border, heights: BorderHeights, planes_mm: Array, scallop_mm: float = 0.0) -> OneSided:
-    """What the border holds between planes where both passes reach it: the lower of their heights at every sample.
+    """What the border holds between planes where both passes reach it: the lower of their heights at every place.
 
     Where the lower pass leaves more than an asked `scallop_mm` it is the upper one that can still come nearer: its own
     height is told then.

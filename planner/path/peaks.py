@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.path.border import Border, border_of
+from planner.path.border_tops import hermite_top, tops_between
 from planner.path.coverage import (
     BorderHeights,
     GapCusps,
@@ -25,7 +26,7 @@ from planner.path.coverage import (
     stretches,
 )
 from planner.path.offset import OffsetSurface
-from planner.path.scallop import CuspGuess, Cusps, Held, Reaches, solve_reaches
+from planner.path.scallop import CuspGuess, Cusps
 from planner.path.seeds import Seeds
 
 Array = NDArray[np.float64]
@@ -191,7 +192,7 @@ def _tops(ground: Ground, inner: GapCusps, stretch: Indices, planes_mm: Array, r
     cusps, gap = inner.cusps, inner.gap
     rises = (stretch[1:] == stretch[:-1]) & (cusps.slope[:-1] > 0) & (cusps.slope[1:] < 0)
     left = np.flatnonzero(rises)
-    top, place = _hermite_top(*_bracket(cusps, left, left + 1))
+    top, place = hermite_top(*_bracket(cusps, left, left + 1))
     best = best_of_each(gap[left], top)
     highest = np.zeros(len(planes_mm))
     highest[gap[left[best]]] = top[best]
@@ -202,7 +203,7 @@ def _tops(ground: Ground, inner: GapCusps, stretch: Indices, planes_mm: Array, r
     for _ in range(rounds):
         is_before = found.cusps.slope > 0
         low, high = _choose(is_before, found.cusps, low), _choose(is_before, high, found.cusps)
-        _, place = _hermite_top(low.x, high.x, low.height_mm, high.height_mm, low.slope, high.slope)
+        _, place = hermite_top(low.x, high.x, low.height_mm, high.height_mm, low.slope, high.slope)
         found = inner_cusps(ground.surface, ground.seeds, planes_mm, gap[left], place, 0.0, guess_from(found.cusps))
     return found
 
@@ -216,22 +217,6 @@ def _bracket(cusps: Cusps, left: Indices, right: Indices) -> Iterator[Array]:
 def _choose(flags: NDArray[np.bool_], yes: Cusps, no: Cusps) -> Cusps:
     names = Cusps.__slots__
     return Cusps(*(np.where(flags, getattr(yes, name), getattr(no, name)) for name in names))
-
-
-def _hermite_top(
-    x_low: Array, x_high: Array, h_low: Array, h_high: Array, slope_low: Array, slope_high: Array
-) -> tuple[Array, Array]:
-    """The maximum of the cubic through two points with a rising slope first and a falling one after, eq. (14)."""
-    run = np.maximum(x_high - x_low, 1e-12)
-    rise = (h_high - h_low) / run
-    bend = 3 * (slope_low + slope_high - 2 * rise)
-    mid = 3 * rise - 2 * slope_low - slope_high
-    root = np.sqrt(np.maximum(mid**2 - bend * slope_low, 0.0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.nan_to_num(slope_low / (root - mid), nan=0.5)
-    share = np.clip(share, 0.0, 1.0)
-    height = h_low + run * share * (slope_low + share * (mid + share * bend / 3))
-    return height, x_low + share * run
 
 
 def _peaks(
@@ -265,45 +250,7 @@ def _strip_peak(ground: Ground, heights: BorderHeights, planes_mm: Array, gap: i
     chosen = chosen[np.isfinite(levels[chosen])]
     onward = ground.border.after(chosen)
     chosen = chosen[(heights.gap[onward] == gap) & np.isfinite(levels[onward])]
-    return max(best, _stretch_peak(ground, chosen, levels, reaches, plane_mm))
-
-
-def _stretch_peak(
-    ground: Ground, stretch: Indices, levels: Array, reaches: Reaches, plane_mm: float, rounds: int = 4
-) -> tuple[float, float]:
-    """The highest maximum inside these stretches of the border, and its change by the plane; (-inf, 1) if none has one.
-
-    Those are followed that promise nine tenths of the highest: which of them is highest no sample tells.
-    """
-    border = ground.border
-    axis = np.where(border.held[stretch] == Held.V.value, 0, 1)
-    ends = np.stack([stretch, border.after(stretch)])
-    ends = np.take_along_axis(ends, np.argsort(border.parameters[axis, ends], axis=0), axis=0)
-    slopes = reaches.along[axis, ends]
-    rises = (slopes[0] > 0) & (slopes[1] < 0)
-    stretch, axis, ends, slopes = stretch[rises], axis[rises], ends[:, rises], slopes[:, rises]
-    known = [border.parameters[axis, ends], levels[ends], slopes]
-    top, place = _hermite_top(*(value for pair in known for value in pair))
-    follow = np.flatnonzero(top >= 0.9 * top.max(initial=0.0))
-    axis, known, place = axis[follow], [pair[:, follow] for pair in known], place[follow]
-    held, near = border.value[stretch[follow]], reaches.on_pass[:, ends[0, follow]]
-    best, before = (-np.inf, 1.0), np.full(len(place), -np.inf)
-    for _ in range(rounds if len(follow) else 0):
-        under = ground.surface.evaluate(np.where(axis == 0, place, held), np.where(axis == 0, held, place))
-        found = solve_reaches(ground.surface, under, np.full(len(place), plane_mm), near)
-        height = np.where(found.is_found, found.height_mm, -np.inf)
-        highest = int(np.argmax(height))
-        best = max(best, (float(height[highest]), float(found.by_plane[highest])))
-        if (height <= before + 1e-10).all():
-            break
-        before = height
-        slope = found.along[axis, np.arange(len(axis))]
-        here = np.stack([place, found.height_mm, slope])
-        # What is not found stays as it is.
-        is_before, is_after = found.is_found & (slope > 0), found.is_found & (slope <= 0)
-        known = [
-            np.stack([np.where(is_before, value, pair[0]), np.where(is_after, value, pair[1])])
-            for value, pair in zip(here, known, strict=True)
-        ]
-        place = _hermite_top(*(value for pair in known for value in pair))[1]
-    return best
+    planes, least = np.full(len(chosen), plane_mm), np.full(len(chosen), 0.9 * best[0])
+    _, tops = tops_between(ground.surface, ground.border, chosen, planes, (levels, reaches), least)
+    heights_mm = np.where(tops.is_found, tops.height_mm, -np.inf)
+    return max([best, *zip(heights_mm.tolist(), tops.by_plane.tolist(), strict=True)])

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from planner.path.coverage import border_heights
+from planner.path.one_sided import with_one_sided
+from planner.path.peaks import survey
 from planner.path.pick_feed import ChainEnd, solve_pick_feeds
-from planner.path.strategy.parallel import prepare
+from planner.path.strategy.parallel import Wishes, prepare
+from planner.surface.patch import NurbsPatch
 from tests.planner.path.test_folds import random_patch
 
 
@@ -33,3 +36,22 @@ def test_a_corner_that_stands_out_into_a_gap_keeps_the_scallop() -> None:
     heights = border_heights(ground.surface, ground.border, feeds.planes_mm)
     is_inner = (heights.gap > 0) & (heights.gap < len(feeds.planes_mm))
     assert np.minimum(heights.below, heights.above)[is_inner].max() < scallop_mm + 2e-7
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 180.0])
+def test_a_round_bulge_into_a_gap_is_as_high_as_its_summit(angle_deg: float) -> None:
+    """(4.1) A level part ends in the parabola y = 2 - 8 t + 9 t^2; the sample beside its summit at t = 4/9 was told."""
+    sides = np.array([[2.0, -2.0, 3.0], [20.0, 20.0, 20.0]]).T
+    points = np.stack([np.stack([[0.0, 10.0, 20.0]] * 2, axis=1), sides, np.zeros((3, 2))], axis=2)
+    patch = NurbsPatch(2, 1, np.array([0.0, 0, 0, 1, 1, 1]), np.array([0.0, 0, 1, 1]), points)
+    turned = np.radians(angle_deg)
+    ground = prepare(patch, Wishes(4.0, turned, None, 1.9))
+    planes_mm = np.sort(np.cos(turned) * np.append([-1.0, 0.9], np.arange(2.8, 21.0, 1.9)))
+    peaks = with_one_sided(ground, planes_mm, survey(ground, planes_mm, 0.05)[0])
+    nearest_mm = 0.9 - 2 / 9
+    at = 0 if angle_deg == 0.0 else len(planes_mm) - 2
+    assert peaks.height_mm[at] == pytest.approx(4.0 - np.sqrt(16.0 - nearest_mm**2), abs=1e-9)
+    assert np.abs(peaks.foot[:, at] - [4 / 9, 0.0]).max() < 1e-4
+    assert (
+        abs((peaks.by_b if angle_deg == 0.0 else -peaks.by_a)[at] - nearest_mm / np.sqrt(16.0 - nearest_mm**2)) < 1e-6
+    )
