@@ -21,7 +21,7 @@ from planner.path.peaks import Ground, Peaks, strip_behind, survey, survey_at
 
 Array = NDArray[np.float64]
 
-NEAR_CEILING = 0.01  # of a pick feed: nearer to the widest possible one no gap is made
+NEAR_CEILING = (1e-6, 0.01)  # of a pick feed: nearer than this to one that is too wide no gap is made
 
 
 class ChainEnd(Enum):
@@ -34,6 +34,14 @@ class ChainEnd(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Brackets:
+    """The widest pick feeds (passes - 1,) known to be too narrow, and the narrowest known to be too wide."""
+
+    floor_mm: Array
+    ceiling_mm: Array
+
+
+@dataclass(frozen=True, slots=True)
 class PickFeeds:
     """Driving planes `planes_mm` (passes,), the measured peaks between them, and how the search ended."""
 
@@ -43,7 +51,7 @@ class PickFeeds:
 
 
 def solve_pick_feeds(
-    exact: Ground, scallop_mm: float, *, accuracy_mm: float, high_mm: float = 0.0, sweeps: int = 40
+    exact: Ground, scallop_mm: float, *, accuracy_mm: float, high_mm: float = 0.0, sweeps: int = 60
 ) -> PickFeeds:
     """The fewest parallel planes whose passes leave at most `scallop_mm` anywhere, each as far on as it can be.
 
@@ -58,25 +66,26 @@ def solve_pick_feeds(
     peaks, tops = survey(ground, planes, scallop_mm, coarse=4)
     peaks = replace(peaks, missed=0)  # what a wide search loses, the full one may find
     end, is_full, is_strict = ChainEnd.RAN_OUT, False, False
-    ceilings = np.full(len(planes) - 1, np.inf)
+    known = Brackets(np.zeros(len(planes) - 1), np.full(len(planes) - 1, np.inf))
     for _ in range(sweeps):
-        ceilings = _ceilings(ceilings, planes, peaks, scallop_mm, accuracy_mm)
-        is_settled = _error(planes, peaks, ceilings, scallop_mm) <= accuracy_mm
+        known = _brackets(known, planes, peaks, scallop_mm, accuracy_mm)
+        is_settled = _error(planes, peaks, known, scallop_mm) <= accuracy_mm
         if is_settled and is_full and peaks.missed:
             end = ChainEnd.LOST  # before the planes stand still, a cusp that is not found may be none
             break
         if is_settled and is_full:
             # Places that one pass alone reaches come and go while the planes move far: they count at the end.
             is_strict, peaks = True, with_one_sided(ground, planes, peaks, scallop_mm)
-            is_settled = _error(planes, peaks, ceilings, scallop_mm) <= accuracy_mm and not peaks.missed
+            is_settled = _error(planes, peaks, known, scallop_mm) <= accuracy_mm and not peaks.missed
             if is_settled:
                 end = ChainEnd.SETTLED
                 break
         if not is_settled:
-            planes = _newton_chain(planes, peaks, ceilings, scallop_mm)
+            planes = _newton_chain(planes, peaks, known, scallop_mm)
         is_full = is_settled
         if is_full:
             tops = tops.with_more(survey(ground, planes, scallop_mm)[1])
+            known = replace(known, floor_mm=0 * known.floor_mm)  # with more maxima a feed may be too wide after all
         peaks = survey_at(ground, planes, tops)
         peaks = with_one_sided(ground, planes, peaks, scallop_mm) if is_strict else peaks
     planes = _with_last(ground, planes, scallop_mm, accuracy_mm)
@@ -92,29 +101,46 @@ def solve_pick_feeds(
     return PickFeeds(planes, peaks, end)
 
 
-def _ceilings(ceilings: Array, planes_mm: Array, peaks: Peaks, scallop_mm: float, accuracy_mm: float) -> Array:
-    """The pick feeds (passes - 1,) that are known to be too wide because the upper pass misses the part there.
+def _brackets(known: Brackets, planes_mm: Array, peaks: Peaks, scallop_mm: float, accuracy_mm: float) -> Brackets:
+    """The brackets with what these peaks say.
 
-    Past such a feed the height jumps, and Newton's method would step over it again and again. A ceiling holds only
-    as long as the lower pass of its gap stands still.
+    At some feeds the height jumps, because the upper pass misses the part beyond, or a piece of the border comes into
+    the gap, and Newton's method would step over them again and again. A bracket holds only as long as the lower pass
+    of its gap stands still.
     """
-    is_off = (peaks.height_mm > 0) & (np.abs(peaks.height_mm - scallop_mm) > accuracy_mm)
-    is_off |= abs(peaks.first_mm - scallop_mm) > accuracy_mm
-    is_still: NDArray[np.bool_] = np.cumsum(is_off) - is_off == 0
-    is_too_wide = is_still & (peaks.height_mm > scallop_mm) & (peaks.by_b <= 0)
-    known = np.where(is_still, ceilings, np.inf)
-    return np.where(is_too_wide, np.minimum(known, np.diff(planes_mm)), known)
+    is_off = _off(planes_mm, peaks, known, scallop_mm) > accuracy_mm
+    is_first_off = abs(peaks.first_mm - scallop_mm) > accuracy_mm
+    is_still: NDArray[np.bool_] = np.cumsum(np.append(is_first_off, is_off))[:-1] == 0
+    floor_mm, ceiling_mm = np.where(is_still, known.floor_mm, 0.0), np.where(is_still, known.ceiling_mm, np.inf)
+    feeds = np.diff(planes_mm)
+    is_narrow = is_still & (peaks.height_mm > 0) & (peaks.height_mm < scallop_mm - accuracy_mm) & (peaks.by_b > 0)
+    is_wide = is_still & (peaks.height_mm > scallop_mm + accuracy_mm)
+    return Brackets(
+        np.where(is_narrow, np.maximum(floor_mm, feeds), floor_mm),
+        np.where(is_wide, np.minimum(ceiling_mm, feeds), ceiling_mm),
+    )
 
 
-def _error(planes_mm: Array, peaks: Peaks, ceilings: Array, scallop_mm: float) -> float:
-    """How far the worst gap, or the first strip, is from the asked height.
+def _off(planes_mm: Array, peaks: Peaks, known: Brackets, scallop_mm: float) -> Array:
+    """How far every gap (passes - 1,) is from the asked height.
 
-    A gap that stays below it wherever its upper pass may stand is not waited for.
+    A gap that stays below it wherever its upper pass may stand is not waited for. Below a ceiling that is one whose
+    slope does not lead to that height, where what is missing is ten times as large a share as what is left of the feed.
     """
-    is_widest = (peaks.by_b <= 0) | (np.diff(planes_mm) > (1 - NEAR_CEILING) * ceilings)
+    feeds = np.diff(planes_mm)
+    room = known.ceiling_mm - feeds
+    near = np.clip(0.1 * (1 - peaks.height_mm / scallop_mm), *NEAR_CEILING) * feeds
+    with np.errstate(invalid="ignore"):
+        is_jump = (room < near) & (peaks.height_mm + peaks.by_b * room < scallop_mm)
+    is_widest = (peaks.by_b <= 0) | is_jump
     is_open = (peaks.height_mm > 0) & ~(is_widest & (peaks.height_mm < scallop_mm))
-    measured = np.append(peaks.height_mm[is_open], peaks.first_mm)
-    return float(np.max(np.abs(measured - scallop_mm)))
+    return np.where(is_open, np.abs(peaks.height_mm - scallop_mm), 0.0)
+
+
+def _error(planes_mm: Array, peaks: Peaks, known: Brackets, scallop_mm: float) -> float:
+    """How far the worst gap, or the first strip, is from the asked height."""
+    off = _off(planes_mm, peaks, known, scallop_mm)
+    return max(float(off.max(initial=0.0)), abs(peaks.first_mm - scallop_mm))
 
 
 def _trimmed(
@@ -185,24 +211,29 @@ def _first_chain(ground: Ground, scallop_mm: float) -> Array:
     return np.array(planes)
 
 
-def _newton_chain(planes_mm: Array, peaks: Peaks, ceilings: Array, scallop_mm: float) -> Array:
+def _newton_chain(planes_mm: Array, peaks: Peaks, known: Brackets, scallop_mm: float) -> Array:
     """Moves of all planes from the linearised heights, eq. (16); a gap changes by at most 40 % a sweep.
 
-    Below its ceiling a gap grows by at most half of what is left.
+    A gap that would go more than half the way across its bracket goes to its middle; one that stays below the asked
+    height keeps its feed.
     """
     feeds = np.diff(planes_mm)
+    is_left = (_off(planes_mm, peaks, known, scallop_mm) == 0) & (peaks.by_b > 0)
     moves = np.zeros(len(planes_mm))
     limit = 0.4 * float(feeds[0])
     moves[0] = np.clip((scallop_mm - peaks.first_mm) / max(peaks.first_by, 1e-9), -limit, limit)
     grown = 1.0
     for gap in range(len(feeds)):
-        height = peaks.height_mm[gap]
-        if height > 0 and peaks.by_b[gap] > 0:
+        height, floor_mm, ceiling_mm = peaks.height_mm[gap], known.floor_mm[gap], known.ceiling_mm[gap]
+        wanted = 0.0 if is_left[gap] else None
+        if height > 0 and peaks.by_b[gap] > 0 and wanted is None:
             wanted = (scallop_mm - height - peaks.by_a[gap] * moves[gap]) / peaks.by_b[gap] - moves[gap]
-            room = (ceilings[gap] - feeds[gap]) / 2
-            grown = 1 + float(np.clip(min(wanted, room) / feeds[gap], -0.4, 0.4))
         elif height > scallop_mm:  # only the lower pass comes there: the upper one must come nearer
-            grown = 0.9
+            wanted = -0.1 * feeds[gap]
+        if wanted and abs(wanted) > (ceiling_mm - floor_mm) / 2:
+            wanted = (floor_mm + ceiling_mm) / 2 - feeds[gap]
+        if wanted is not None:
+            grown = 1 + float(np.clip(wanted / feeds[gap], -0.4, 0.4))
         moves[gap + 1] = moves[gap] + (grown - 1) * feeds[gap]
     return planes_mm + moves
 

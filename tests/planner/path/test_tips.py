@@ -12,6 +12,7 @@ from planner.path.pick_feed import ChainEnd, solve_pick_feeds
 from planner.path.strategy.parallel import Wishes, prepare
 from planner.surface.patch import NurbsPatch
 from tests.planner.path.test_folds import random_patch
+from tests.planner.surfaces import clamped
 
 
 @pytest.mark.parametrize("seed", [104, 119])
@@ -36,6 +37,22 @@ def test_a_corner_that_stands_out_into_a_gap_keeps_the_scallop() -> None:
     heights = border_heights(ground.surface, ground.border, feeds.planes_mm)
     is_inner = (heights.gap > 0) & (heights.gap < len(feeds.planes_mm))
     assert np.minimum(heights.below, heights.above)[is_inner].max() < scallop_mm + 2e-7
+
+
+@pytest.mark.parametrize(("seed", "waves"), [(1, 1.4), (2, 1.0)])
+def test_a_gap_whose_height_jumps_is_closed_in_on(seed: int, waves: float) -> None:
+    """(4.1, 4.7) A lobe of the outline brings a summit into the gap: Newton's steps went over it and back for ever."""
+    x, y = np.meshgrid(np.linspace(0.0, 1.0, 7), np.linspace(0.0, 1.0, 8), indexing="ij")
+    across = 30 * y * (1 + 0.2 * np.sin(2 * np.pi * waves * x)) + 2 * np.cos(3 * np.pi * x)
+    heights = 0.3 * np.random.default_rng(seed).standard_normal(x.shape)
+    points = np.stack([21.5 * x * (1 + 0.6 * y * (1 - y)), across, heights], axis=2)
+    patch = NurbsPatch(3, 2, clamped(7), clamped(8, 2), points)
+    ground = prepare(patch, Wishes(3.0, np.radians(-45), 0.08, None))
+    feeds = solve_pick_feeds(ground, 0.08, accuracy_mm=1e-7)
+    assert feeds.end is ChainEnd.SETTLED
+    heights_mm = feeds.peaks.height_mm
+    assert heights_mm.max() < 0.08 + 2e-7
+    assert np.sort(heights_mm)[2] > 0.08 - 2e-7
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 180.0])
