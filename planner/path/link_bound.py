@@ -20,6 +20,7 @@ from planner.path.trace import TracedCurve
 
 FOOT_STEPS = 4
 ROUNDS = 4
+AS_GOOD_AS_NONE_MM = 1e-6  # of a straight pass every share of its distance would be too much to leave open
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,8 @@ def bound_links(
     for _ in range(ROUNDS):
         rows, places = _sorted(rows, places)
         found = _stretches(links, curves, source, rows, places)
-        known = np.maximum.reduceat(found.gap, np.searchsorted(found.rows, np.arange(len(curves))))[found.rows]
+        seen_mm = np.maximum.reduceat(found.gap, np.searchsorted(found.rows, np.arange(len(curves))))
+        known = np.maximum(seen_mm, AS_GOOD_AS_NONE_MM)[found.rows]
         is_loose = np.isfinite(found.rest) & (found.rest > share * known) & (found.reached > (1 - share) * known)
         if not is_loose.any():
             break

@@ -8,7 +8,9 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from planner.path import link_bound
 from planner.path.arcs import arc_chain
+from planner.path.curve import exact_at
 from planner.path.link_bound import bound_links, seen_gaps
 from planner.path.model import ArcChain, Method, Polyline
 from planner.path.polyline import lean_polyline
@@ -17,7 +19,15 @@ from planner.path.strategy.parallel import Wishes, lay_parallel
 from planner.path.trace import TracedCurve
 from planner.shapes import FIT_SHARE, shape_passes
 from planner.surface.patch import NurbsPatch
-from tests.planner.surfaces import cylinder_patch, slope_patch, sphere_patch, thesis_patch, uneven_patch, wavy_patch
+from tests.planner.surfaces import (
+    cylinder_patch,
+    plane_patch,
+    slope_patch,
+    sphere_patch,
+    thesis_patch,
+    uneven_patch,
+    wavy_patch,
+)
 
 PATCHES = {
     "thesis": thesis_patch(),
@@ -108,3 +118,15 @@ def test_what_is_seen_of_straight_moves_is_their_largest_distance(name: str) -> 
     for curve, shape, seen_mm in zip(curves, shapes, seen_gaps(curves, shapes), strict=True):
         dense_mm = sampled_mm(curve, shape)
         assert 0.997 * dense_mm <= seen_mm <= 1.003 * dense_mm
+
+
+def test_straight_passes_are_bounded_at_few_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(4.5) No share of no distance is small enough: halved again and again, a U with flat arms took 4 minutes."""
+    curves = curves_over(plane_patch(30.0, 0.2), 0.001)
+    lines = [Polyline(curve.points[[0, -1]] + [0.0, off_mm]) for curve in curves for off_mm in (0.0, 1e-9)]
+    table = patch_table(curves)
+    assert table is not None
+    asked = []
+    monkeypatch.setattr(link_bound, "exact_at", lambda *given: asked.append(len(given[2])) or exact_at(*given))
+    assert bound_links([curve for curve in curves for _ in range(2)], lines, table).max() < 1e-7
+    assert max(asked) <= 3 * sum(len(curve.arc_mm) for curve in curves)
