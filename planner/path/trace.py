@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 REMEDY = "carry the surface on past that border, or give a smaller tool, pick feed or scallop, or another angle_deg"
+OTHER_PART = 100.0  # of a gap's length: further off its middle lies the middle of parameters that are no neighbours
 PATIENCE = 4  # halvings before a gap that stays wide is looked into
 
 
@@ -121,9 +122,7 @@ def trace(
         owner = np.insert(owner, wide + 1, owner[wide])
         _find_lost(surface, owner, offsets, nodes, is_found)
     else:
-        where = f"{nodes.points[wide[0], 0]:.3f} mm along the pass at {offsets[owner[wide[0]]]:.3f} mm"
-        what = f"{surface.patch.name} bends too sharply for path_mm ({where})"
-        raise InputRejected(what, remedy="give a larger path_mm or a surface without that edge")
+        raise _never_read(surface, nodes, int(wide[0]), float(offsets[owner[wide[0]]]))
     return _curves(surface, planes, owner, nodes)
 
 
@@ -146,6 +145,22 @@ def _curves(
         TracedCurve(plane, _arc_lengths(points, tangents, bends), points, tangents, bends, parameters, surface)
         for plane, (points, tangents, bends, parameters) in zip(planes, parts, strict=True)
     ]
+
+
+def _never_read(surface: OffsetSurface, nodes: CurveSamples, gap: int, offset_mm: float) -> InputRejected:
+    """What to say of a gap that stays wide, between nodes `gap` and the next, however often it is halved."""
+    (x, _), (x_next, _) = nodes.points[gap], nodes.points[gap + 1]
+    u, v = (nodes.parameters[gap] + nodes.parameters[gap + 1]) / 2
+    between = surface.evaluate(np.array([u]), np.array([v])).centre[:2, 0]
+    where = f"{x:.3f} mm along the pass at {offset_mm:.3f} mm"
+    # Between neighbours on one sheet the parameters' middle is near; between two parts it is somewhere else.
+    if np.hypot(*(between - [(x + x_next) / 2, offset_mm])) > OTHER_PART * (x_next - x):
+        what = f"two parts of {surface.patch.name} lie too near side by side for passes that run past both ({where})"
+        remedy = "give a smaller pick feed or scallop, another angle_deg, or cut these parts as patches of their own"
+    else:
+        what = f"{surface.patch.name} bends too sharply for path_mm ({where})"
+        remedy = "give a larger path_mm or a surface without that edge"
+    return InputRejected(what, remedy=remedy)
 
 
 def _find_lost(

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from planner.errors import InputRejected
 from planner.path.curve import CurveTable
 from planner.path.strategy.parallel import Wishes, lay_parallel
 from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
-from tests.planner.surfaces import cylinder_patch, plane_patch, slope_patch, sphere_patch, thesis_patch, wavy_patch
+from tests.planner.surfaces import (
+    clamped,
+    cylinder_patch,
+    plane_patch,
+    slope_patch,
+    sphere_patch,
+    thesis_patch,
+    wavy_patch,
+)
 
 PATCHES = {
     "thesis 35": thesis_patch(),
@@ -116,3 +126,19 @@ def test_a_pass_stays_on_its_fold_behind_the_border() -> None:
         steps = np.abs(np.diff(curve.parameters, axis=0)) / sizes
         assert steps.max() < 0.2
         assert np.abs(np.diff(curve.points[:, 1])).max() < 1.5 * np.diff(curve.points[:, 0]).max()
+
+
+def test_two_legs_that_passes_would_join_are_told_as_that() -> None:
+    """(4.7) Passes across a U whose legs end 6 mm apart: "bends too sharply for path_mm" was told of level legs."""
+    turn = np.linspace(-np.pi / 2, np.pi / 2, 7)
+    rows = []
+    for radius in (12.0, 22.0):
+        legs = [[-x, radius - 9 * (x - 8) / 42] for x in np.linspace(8, 50, 6)]
+        rows.append([[x, -y] for x, y in legs[::-1]] + [[radius * np.cos(a), radius * np.sin(a)] for a in turn] + legs)
+    heights = np.broadcast_to(np.concatenate([np.zeros(6), np.arange(7.0), np.full(6, 6.0)]), (2, 19))
+    points = np.concatenate([np.array(rows), heights[..., None]], axis=2)
+    patch = NurbsPatch(1, 3, np.array([0.0, 0, 1, 1]), clamped(19), points)
+    wishes = Wishes(2.0, np.pi / 2, None, 3.9)
+    with pytest.raises(InputRejected, match="two parts of patch 1 lie too near side by side"):
+        lay_parallel(patch, wishes, accuracy_mm=1e-7)
+    assert len(lay_parallel(patch, replace(wishes, pick_feed_mm=1.0), accuracy_mm=1e-7).curves) > 90
