@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.path.strategy.parallel import Wishes
 from planner.surface.patch import NurbsPatch
 
 BEZIER = np.array([0.0, 0, 0, 0, 1, 1, 1, 1])
@@ -81,3 +82,24 @@ def sphere_patch(radius_mm: float = 25.0, reach: float = 0.25) -> NurbsPatch:
     points = np.stack([x, y, z], axis=2) / weights[..., None]
     knots = np.array([0.0, 0, 0, 1, 1, 1])
     return NurbsPatch(2, 2, knots, knots, points, weights)
+
+
+def random_patch(seed: int) -> tuple[NurbsPatch, Wishes]:
+    """A smooth bicubic patch of 20 to 60 mm with random heights that a ball can follow, and what to cut it with."""
+    rng = np.random.default_rng(seed)
+    rows, columns = (int(rng.integers(5, 11)) for _ in range(2))
+    knots = [np.r_[[0.0] * 4, np.linspace(0, 1, count - 2)[1:-1], [1.0] * 4] for count in (rows, columns)]
+    places = [np.array([k[i + 1 : i + 4].mean() for i in range(len(k) - 4)]) for k in knots]
+    size = rng.uniform(20, 60, 2)
+    x, y = np.meshgrid(places[0] * size[0], places[1] * size[1], indexing="ij")
+    cell_mm = min(size[0] / (rows - 3), size[1] / (columns - 3))
+    radius_mm = float(rng.choice([2, 3, 4]))
+    z = rng.normal(size=x.shape) * rng.choice([0.3, 0.6, 1.0]) * cell_mm**2 / radius_mm / 16
+    weights = np.exp(rng.normal(size=x.shape) * 0.2) if rng.random() < 0.3 else None
+    scallop_mm: float | None = float(rng.choice([0.08, 0.02, 0.005]))
+    angle_deg = float(rng.uniform(0, 180)) if rng.random() < 0.6 else float(rng.choice([0, 45, 90]))
+    feed_mm = None
+    if rng.random() < 0.25:
+        scallop_mm, feed_mm = None, float(radius_mm * rng.choice([0.25, 0.5, 1]))
+    patch = NurbsPatch(3, 3, knots[0], knots[1], np.stack([x, y, z], axis=2), weights)
+    return patch, Wishes(radius_mm, float(np.radians(angle_deg)), scallop_mm, feed_mm, 0.0, bool(rng.random() < 0.25))

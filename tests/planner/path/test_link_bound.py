@@ -22,6 +22,7 @@ from planner.surface.patch import NurbsPatch
 from tests.planner.surfaces import (
     cylinder_patch,
     plane_patch,
+    random_patch,
     slope_patch,
     sphere_patch,
     thesis_patch,
@@ -95,6 +96,27 @@ def test_sections_come_closer_where_the_curvature_changes_fast(seed: int, kind: 
         assert one.deviation_mm <= FIT_SHARE * 0.0025
         assert isinstance(one.shape, Polyline | ArcChain)
         assert sampled_mm(curve, one.shape) <= one.deviation_mm
+
+
+@pytest.mark.parametrize(("seed", "halvings"), [(20, 1), (19, 2)])
+@pytest.mark.parametrize("make", [lean_polyline, arc_chain])
+def test_nodes_too_far_apart_to_enclose_the_curvature_are_halved(seed: int, halvings: int, make: object) -> None:
+    """(4.3) Before it some passes over these patches have no bound; after it all have one, above dense sampling."""
+    patch, wishes = random_patch(seed)
+    wishes = replace(wishes, scallop_mm=None, pick_feed_mm=1.5 * wishes.radius_mm, rolls_over=False)
+    curves = lay_parallel(patch, wishes, accuracy_mm=1e-6, reading_mm=1e-4).curves
+    shapes = [(lean_polyline if make is lean_polyline else arc_chain)(curve, 0.009)[0] for curve in curves]
+    table = patch_table(curves)
+    assert table is not None
+    fewer = bound_links(curves, shapes, table, halvings=halvings - 1)
+    bounds = bound_links(curves, shapes, table)
+    late = np.flatnonzero(np.isinf(fewer))
+    assert len(late) > 0
+    assert np.isfinite(bounds).all()
+    assert (bounds[np.isfinite(fewer)] == fewer[np.isfinite(fewer)]).all()
+    for row in late.tolist():
+        true_mm = sampled_mm(curves[row], shapes[row])
+        assert true_mm <= bounds[row] <= max(1.5 * true_mm, 0.05 * 0.009)
 
 
 @pytest.mark.parametrize("vertex", [0, 3, -1])

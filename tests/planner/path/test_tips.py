@@ -11,8 +11,7 @@ from planner.path.peaks import survey
 from planner.path.pick_feed import ChainEnd, solve_pick_feeds
 from planner.path.strategy.parallel import Wishes, prepare
 from planner.surface.patch import NurbsPatch
-from tests.planner.path.test_folds import random_patch
-from tests.planner.surfaces import clamped
+from tests.planner.surfaces import clamped, random_patch
 
 
 @pytest.mark.parametrize("seed", [104, 119])
