@@ -67,3 +67,15 @@ def test_the_point_between_lies_between_and_aside(length_mm: float, seed: int, d
             points += list(start + np.linspace(0, 1, 21)[:, None] * chord)
     near = np.array(points) + np.array([0.0, DROP_MM])
     assert distance_mm(near, exact_points(shape)) <= written.rounding_mm + 1e-6
+
+
+@pytest.mark.parametrize("angle_rad", [0.0, 0.7])
+@pytest.mark.parametrize("decimals", [1, 2, 3])
+def test_no_arc_has_more_decimals_than_the_control_reads(angle_rad: float, decimals: int) -> None:
+    """(4.4) Not in the points between either, nor in the X and Y of an oblique plane, which would like one more."""
+    path = tool_path([arcs(seed, 6) for seed in range(4)], angle_rad=angle_rad, deviation_mm=0.0)
+    made = job(blocks="arcs", numbers="none")
+    text = write_program(made, made.operation[0], path, ControlLimits(decimals=decimals)).data.decode()
+    cutting = [line for line in text.splitlines() if "I1=" in line]
+    assert len(cutting) > 8
+    assert max(map(len, re.findall(r"\.(\d+)", "\n".join(cutting)))) == decimals
