@@ -7,7 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from planner.path.model import ArcChain
+from planner.path.model import ArcChain, DrivingPlane
+from planner.post.arcs import _as_lines, _Chain
 from planner.post.base import write_program
 from planner.post.written import ControlLimits
 from tests.planner.post.paths import arcs, distance_mm, job, tool_path
@@ -79,3 +80,25 @@ def test_no_arc_has_more_decimals_than_the_control_reads(angle_rad: float, decim
     cutting = [line for line in text.splitlines() if "I1=" in line]
     assert len(cutting) > 8
     assert max(map(len, re.findall(r"\.(\d+)", "\n".join(cutting)))) == decimals
+
+
+@pytest.mark.parametrize(
+    ("between", "is_line"),
+    [
+        ((5.0, 0.0, 1.0), False),
+        ((0.1, 0.0, 0.1), False),
+        ((5.0, 0.0, 0.0), True),
+        ((0.0, 0.0, 0.0), True),
+        ((10.0, 0.0, 0.0), True),
+        ((-0.1, 0.0, 0.5), True),
+        ((10.1, 0.0, 0.5), True),
+    ],
+)
+def test_a_point_between_in_line_at_an_end_or_beyond_makes_a_line(
+    between: tuple[float, float, float], is_line: bool
+) -> None:
+    """(4.4) Rounded so far, a control would alarm at it or go the other way round."""
+    shape = ArcChain(np.array([[0.0, 0.0], [10.0, 0.0]]), np.array([[5.0, -12.0]]), np.array([-1]))
+    ends, middle = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]]), np.array([between])
+    chain = _Chain(DrivingPlane(0.0, 0.0), shape, ends, middle, 0.0)
+    assert _as_lines(chain, ends, middle).tolist() == [is_line]
