@@ -94,6 +94,12 @@ CONTROL_ALARM = Kind(
     "the control raised an alarm",
     f"read the alarm at the control, then {RESTART}",
 )
+BROKEN_OFF = Kind(
+    "DNC-C1P",
+    Severity.ALARM,
+    "the control holds, and before that it sent SYN or NAK: it may have been reset or have raised an alarm",
+    f"look at the control: if so, abort this job (Ctrl-C), reset the control, then {RESTART}; if not, resume",
+)
 NO_FIRST_XON = Kind(
     "DNC-C3",
     Severity.ALARM,

@@ -24,12 +24,13 @@ class Overhearing:
         broken = signal_behind_xoff(data[-1])
         self._broken_off = None if broken is None else (broken, offset_bytes)
 
-    def broken_off(self, offset_bytes: int, inflight_max_bytes: int) -> Signal | None:
-        """The driver is seen to hold: what the byte remembered then says, told once; None if it says nothing.
+    def broken_off(self, offset_bytes: int, most_bytes: int) -> tuple[Signal | None, int]:
+        """What the byte remembered says, told once, and how many bytes have left since; None if it says nothing.
 
-        Where more bytes left after it than can be in flight, nothing stopped the driver then.
+        Where more left after it than can be held back, nothing stopped the driver then.
         """
         if self._broken_off is None:
-            return None
+            return None, 0
         (signal, at_bytes), self._broken_off = self._broken_off, None
-        return None if offset_bytes - at_bytes > inflight_max_bytes else signal
+        behind_bytes = offset_bytes - at_bytes
+        return (None if behind_bytes > most_bytes else signal), behind_bytes

@@ -152,7 +152,7 @@ class Sender:
             return []
         if is_ready:
             return self._xon(now_s)
-        return self._xoff(False, now_s) + self._break_off_if_held(now_s)
+        return self._xoff(False, now_s) + self._broken_off_by(now_s)
 
     def take(self, room_bytes: int, now_s: float) -> bytes:
         """The bytes that may leave now: at most `room_bytes`, never more in flight than the clock allows."""
@@ -195,7 +195,7 @@ class Sender:
                 return self._move(Cause.ALL_TAKEN, now_s)
             return self._stop_if_reached(now_s)
         if state is JobState.DRAINING and now_s >= self.clock.idle_at_s:
-            return self._move(Cause.DRAINED, now_s)
+            return self._broken_off_by(now_s) or self._move(Cause.DRAINED, now_s)
         if state is JobState.HELD:
             return self._tick_held(now_s)
         if state is JobState.ARMED and self._wait.is_start_over(now_s):
@@ -222,14 +222,21 @@ class Sender:
             return self._alarmed(Cause.DISTURBED, alarms.DEAF_DRIVER, "", now_s)
         events = self._noise(data, now_s)
         self._overhearing.note(data, self.offset_bytes)
-        return events + self._break_off_if_held(now_s)
+        return events + (self._broken_off_by(now_s) if self._is_held_by_peer else [])
 
-    def _break_off_if_held(self, now_s: float) -> list[Event]:
-        """The driver swallowed the XOFF before SYN or NAK: they count once it is seen to hold, not as lone bytes."""
-        if not self._is_held_by_peer:
+    def _broken_off_by(self, now_s: float) -> list[Event]:
+        """What SYN or NAK came to that the driver left over; asked when a hold is seen, or all has left.
+
+        An adapter that stopped may have taken some kilobytes since, so that a later hold may be another one: the
+        operator must look. An end that may still lie in it is none.
+        """
+        pace = self.clock.pace
+        signal, behind_bytes = self._overhearing.broken_off(self.offset_bytes, pace.beyond_recall_bytes)
+        if signal is None:
             return []
-        signal = self._overhearing.broken_off(self.offset_bytes, self.clock.pace.inflight_max_bytes)
-        return [] if signal is None else self._hear_one(Heard(signal), now_s)
+        if behind_bytes <= pace.inflight_max_bytes or self.state is JobState.DRAINING:
+            return self._hear_one(Heard(signal), now_s)
+        return [alarms.BROKEN_OFF.at(now_s, self.offset_bytes), *self._move(Cause.DISTURBED, now_s)]
 
     def _xoff(self, is_masked: bool, now_s: float) -> list[Event]:
         events: list[Event] = []

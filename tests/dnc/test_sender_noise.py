@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from dnc.events import JobState, Noise
+from dnc.pacing import Pace
 from tests.helpers.line import XON, alarm_ids, drain, sender_of, states, tape_of
 
 PROGRAM = b"".join(b"N%d G1 X%d\n" % (index * 10, index) for index in range(1, 41)) + b"M30\n%\n"
@@ -63,6 +64,48 @@ def test_a_lone_syn_that_stops_nothing_is_noise(tmp_path: Path) -> None:
     drain(sender, 0.06, until_s=0.1)
     assert alarm_ids(sender.peer_is_ready(False, 0.2)) == []
     assert (sender.state, sender.tally.noise_bytes) == (JobState.HELD, 1)
+
+
+FIFO = Pace(byte_s=0.001, inflight_max_bytes=3, lag_s=0.0, slack=0.0, unseen_bytes=100)
+
+
+@pytest.mark.parametrize("told", [b"\x16", b"\x15"])
+@pytest.mark.parametrize(("behind_s", "state"), [(0.09, JobState.PAUSED), (0.12, JobState.HELD)])
+def test_syn_and_nak_behind_which_an_adapter_took_more(
+    behind_s: float, state: JobState, told: bytes, tmp_path: Path
+) -> None:
+    """(5.3; faults C1, C2, A7) It stopped, took 90 bytes more, and the job hung in HELD without a word for ever."""
+    sender = sender_of(tape_of(tmp_path, PROGRAM), FIFO, hears_xoff=False, is_driver_asked=True)
+    sender.start(0.0)
+    drain(sender, 0.0, until_s=0.05)
+    assert alarm_ids(sender.hear(told, 0.05)) == []
+    drain(sender, 0.05, until_s=0.05 + behind_s)
+    events = sender.peer_is_ready(False, 0.2)
+    assert (sender.state, alarm_ids(events)) == (state, ["DNC-C1P"] if state is JobState.PAUSED else [])
+    sender.peer_is_ready(True, 1.0)
+    assert sender.state is {JobState.HELD: JobState.SENDING}.get(state, state)
+
+
+@pytest.mark.parametrize(("told", "state"), [(b"\x16", JobState.ABORTED), (b"\x15", JobState.FAULTED)])
+@pytest.mark.parametrize("is_held_last", [True, False])
+def test_no_job_is_sent_whose_end_an_adapter_may_hold_back(
+    told: bytes, state: JobState, tmp_path: Path, *, is_held_last: bool
+) -> None:
+    """(5.3; faults C1, C2, A7) Reset within the last bytes, it was SENT, and the next job came behind the old end."""
+    for behind_bytes, ended in ((90, state), (120, JobState.SENT)):
+        sender = sender_of(tape_of(tmp_path, PROGRAM), FIFO, hears_xoff=False, is_driver_asked=True)
+        sender.start(0.0)
+        _, now_s = drain(sender, 0.0, until_s=(len(PROGRAM) - behind_bytes) * FIFO.byte_s)
+        assert alarm_ids(sender.hear(told, now_s)) == []
+        while sender.state is JobState.SENDING:
+            now_s = max(now_s, sender.next_wake_s) + 1e-9
+            sender.take(99, now_s)
+            sender.tick(now_s)
+        assert sender.state is JobState.DRAINING
+        if is_held_last:
+            sender.peer_is_ready(False, now_s)
+        sender.tick(now_s + 1.0)
+        assert sender.state is ended
 
 
 @pytest.mark.parametrize("is_driver_asked", [True, False])
