@@ -6,6 +6,7 @@ naming the nearest block before it that can be restored.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ from sim.interpreter.run import Interpreter, interpret
 from sim.interpreter.settings import Settings
 from sim.interpreter.state import INCH_MM, State
 
+_OPTIONAL = re.compile(rb"^[ \t\r]*(?:[N:][ \t]*\d+[ \t]*)?/", re.MULTILINE | re.IGNORECASE)
 _GEOMETRY = frozenset({"X", "Y", "Z", "PO"})
 
 
@@ -109,6 +111,16 @@ def last_safe_line(data: bytes, line: int, settings: Settings | None = None) -> 
     return safe
 
 
+def first_optional_line(data: bytes, before_bytes: int) -> int | None:
+    r"""The first line with a / before this offset: the panel says whether it runs, a preamble takes it as run.
+
+    >>> first_optional_line(b"N1 G54\nN2 /TRANS Z5\nN3 X1/2\n", 99), first_optional_line(b"X1\n/X2\n", 3)
+    (2, None)
+    """
+    found = _OPTIONAL.search(data, 0, before_bytes)
+    return None if found is None else data.count(b"\n", 0, found.start()) + 1
+
+
 def _unreachable(what: str, data: bytes, settings: Settings | None) -> InputRejected:
     """There is no such place, or the control stops before it."""
     for command in interpret(data, settings):
@@ -160,6 +172,10 @@ def _obstacle(interpreter: Interpreter) -> str | None:
         return f"{state.motion} is running, and the curve depends on blocks before"
     if state.compensation != "G40":
         return f"{state.compensation} is active, and its contour depends on blocks before"
+    if interpreter.is_waiting:
+        return "the spline, or the contour of G41 or G42, is ended by the next move only"
+    if not state.edge:
+        return "D0 is in force: heights count from the spindle, and the preamble would lower the tool by its length"
     if not (state.tool_name.isascii() and state.tool_selected_name.isascii()):
         return "a tool's name has letters that the preamble cannot write"
     if not state.frame.is_identity_matrix:

@@ -23,7 +23,7 @@ from dnc.preamble import Heights
 from dnc.profile import MachineProfile
 from dnc.progress import printable
 from dnc.record import UNLESS_LOST
-from dnc.restart import RestartPoint, restart_at_line, restart_at_number
+from dnc.restart import RestartPoint, first_optional_line, restart_at_line, restart_at_number
 from dnc.sidecar import Point, Sidecar, State, load_sidecar
 from dnc.stopped import identity_of_job, lines_in_doubt, name_of, stopped_job
 from dnc.tape import Tape
@@ -35,7 +35,8 @@ class Plan:
     """A restart: the point, the program that begins with its preamble, and how its lines map to the first program's.
 
     `doubt` are the first and the last line that the `stopped` job left in doubt, None if the operator chose the block;
-    `is_lifted` says whether the preamble takes the tool up before anything else moves.
+    `is_lifted` says whether the preamble takes the tool up before anything else moves, `optional_line` is the first
+    line before it with a /, which the preamble takes as run.
     """
 
     point: RestartPoint
@@ -45,6 +46,7 @@ class Plan:
     doubt: tuple[int, int] | None
     is_lifted: bool
     stopped: PastJob | None = None
+    optional_line: int | None = None
 
     def record(self) -> dict[str, Any]:
         """What the job's record keeps of it."""
@@ -109,7 +111,7 @@ def plan_restart(
             f"line {point.line} is no restart point of the planner", path=program, remedy=f"{near}, or --force"
         )
     planned = _planned(data, point, tape, doubt, is_lifted=heights.retract_z_mm is not None)
-    return replace(planned, stopped=stopped)
+    return replace(planned, stopped=stopped, optional_line=first_optional_line(data, point.offset_bytes))
 
 
 def confirm(plan: Plan, *, is_yes: bool) -> None:
@@ -124,6 +126,11 @@ def confirm(plan: Plan, *, is_yes: bool) -> None:
         if first > 1:
             said.append(f"what lies before line {first} was executed, {UNLESS_LOST}: look at the part")
     said.append(f"restart at {where}: everything from there on is cut again, nothing before it")
+    if plan.optional_line is not None:
+        said.append(
+            f"blocks with / before it, the first in line {plan.optional_line}, count as run: if block skip is on at "
+            "the control, the preamble is wrong"
+        )
     if not plan.is_lifted:
         said.append(
             "FIRST RAISE Z BY HAND, clear of part and clamps: the profile has no retract_z_mm, so nothing lifts the "

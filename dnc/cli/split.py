@@ -40,6 +40,7 @@ def command(
     from dnc.framing import CharacterCheck
     from dnc.preamble import Heights
     from dnc.profile import beyond_travel, load_profile, profile_path
+    from dnc.restart import first_optional_line
     from dnc.split import split_program
     from planner.files import made_folder, read_program, write_file
     from planner.job import load_job
@@ -71,6 +72,10 @@ def command(
     names = [output / f"{program.stem}-{number}{program.suffix}" for number in range(1, len(parts) + 1)]
     for name, part in zip(names, parts, strict=True):
         write_file(name, part.data)
+    optional_line = first_optional_line(data, len(data)) if len(parts) > 1 else None
+    if optional_line is not None and optional_line < parts[-1].first_line:
+        what = f"line {optional_line} begins with /, and the parts behind it count such blocks as run"
+        click.echo(f"dnc: warning: {program}: {what}; switch block skip off at the control", err=True)
     _tell_earlier_parts(output, program, len(parts))
     rows = [
         {"file": name.name, "bytes": len(part.data), "first_line": part.first_line, "last_line": part.last_line}

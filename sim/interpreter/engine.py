@@ -96,6 +96,11 @@ class Interpreter:
         self._main.opened = other._main.opened
 
     @property
+    def is_waiting(self) -> bool:
+        """Whether a spline or a compensated contour has begun whose end waits for a block still to come."""
+        return self._executor.is_waiting
+
+    @property
     def next_line(self) -> int | None:
         """Index of the main program's next line, or None after the end."""
         return None if self._state.is_ended else self._main.at

@@ -77,6 +77,8 @@ def test_a_place_behind_an_alarm_is_refused_with_the_alarm() -> None:
         ("G1 X10 F250\nCT X15 Y5\n@X20 Y5\n", "CT takes its direction"),
         ("IF R1==0\n@G1 X10 F250\nENDIF\n", "IF, a loop or a jump is open"),
         ("DEF REAL WIDTH=5\n@G1 X10 F250\n", "defined by DEF"),
+        ("G41\nG1 X10 F250\nX20\nG40\n@X30 Y9\n", "is ended by the next move only"),
+        ("G1 X10 F250\nG0 SUPA Z400 D0\n@T2\nD1\n", "D0 is in force"),
     ],
 )
 def test_places_that_cannot_be_restored_are_refused_with_a_better_one(middle: str, words: str) -> None:

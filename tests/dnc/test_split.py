@@ -99,6 +99,19 @@ def test_command_writes_the_parts(tmp_path: Path) -> None:
     assert len(list(tmp_path.glob("part-*.mpf"))) == len(shown.output.splitlines()) > 2
 
 
+@pytest.mark.parametrize(("at", "is_told"), [(3, True), (-2, False)])
+def test_blocks_that_the_panel_may_skip_are_told(at: int, tmp_path: Path, *, is_told: bool) -> None:
+    """(6.8) A frame behind a / stood in all preambles; at a control that skips it the first part was cut without."""
+    lines = program().splitlines(keepends=True)
+    lines.insert(at, b"/M8\n")
+    path = tmp_path / "part.mpf"
+    path.write_bytes(b"".join(lines))
+    arguments = [str(path), "-o", str(tmp_path), "--job", str(THESIS), "--bytes", "1000"]
+    said = CliRunner().invoke(command, arguments, standalone_mode=False).stderr
+    assert (f"line {at + 1} begins with /" in said) == is_told
+    assert (said == "") != is_told
+
+
 def test_no_byte_of_a_long_line_is_lost(tmp_path: Path) -> None:
     """A line beyond what the check holds in memory reaches its part whole (6.8)."""
     data = b";" + 400_000 * b"A" + b"\n" + program()

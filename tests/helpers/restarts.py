@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 HEAD = ["%_N_PART_MPF", ";CONTROL=sinumerik-840d REFERENCE=tip", "G17 G40 G64 G71 G90 G94", "G54", "T2 M6", "D1"]
 HEAD += ["G0 Z50", "S1000 M3", "G4 F2", "M8"]
 
 
-def planned(folder: Path, passes: int = 20, long_from: int = 99) -> Path:
+def planned(folder: Path, passes: int = 20, long_from: int = 99, head: Sequence[str] = HEAD) -> Path:
     """A program as the planner writes them, with its sidecar; block N of pass k is N k.
 
     From pass `long_from` on blocks carry a comment.
     """
-    lines, points = list(HEAD), []
+    lines, points = list(head), []
     for number in range(1, passes + 1):
         points.append({"pass": number, "block": number, "line": len(lines) + 1})
         lines += [f"N{number} G0 X0 Y{number}", "G0 Z10", "G1 G9 Z-1 F100"]

@@ -118,7 +118,7 @@ def test_a_restarted_job_is_told_in_lines_of_the_program(tmp_path: Path) -> None
 
 def test_what_a_restart_says_first(tmp_path: Path) -> None:
     """(6.8) Where the profile lifts the tool nothing is asked for; another machine and a whole job are no resume."""
-    program = planned(tmp_path)
+    program = planned(tmp_path, head=[*HEAD[:2], "/M7", *HEAD[2:]])
     with PeerProcess(baud=115200, quiet_s=0) as peer:
         lifting = small_buffer(tmp_path)
         lifting.write_text(lifting.read_text().replace("[control]", "[control]\nretract_z_mm = 0.0"))
@@ -128,6 +128,7 @@ def test_what_a_restart_says_first(tmp_path: Path) -> None:
         assert code == 2
         assert "RAISE Z" not in words
         assert "the block is your choice" in words
+        assert "blocks with / before it, the first in line 3, count as run" in words
         with SendProcess(tmp_path, program, peer.pty, *machine) as sending:
             assert sending.finish()[0] == 0
         with SendProcess(tmp_path, program, peer.pty, *machine, "--resume") as sent:
