@@ -19,6 +19,13 @@ from dnc.profile import Link
 _CHUNK_BYTES = 4096
 _CONNECT_S = 5.0
 _LINGER_S = 2.0
+_REFUSED = "the device server does not take this baud rate or format; set them as at the control, or use socket://"
+_REFUSALS = {
+    "support RFC2217": "nothing there speaks RFC 2217; use socket:// where the server passes bytes on as they are",
+    "not accept parameter change": _REFUSED,
+    "rejected value": _REFUSED,
+}
+"""What pyserial says of a device server, and what it means."""
 
 
 class UrlPort:
@@ -45,8 +52,7 @@ class UrlPort:
                 self._bridge = _Bridge(_device_server(name, link))
                 self._fd = self._bridge.fileno()
         except (serial.SerialException, OSError, ValueError) as problem:
-            remedy = "check address, port number and network"
-            raise PortUnavailable(f"{name} cannot be opened: {_reason(problem)}; {remedy}") from None
+            raise PortUnavailable(f"{name} cannot be opened: {_reason(problem)}") from None
 
     def fileno(self) -> int:
         """The descriptor, for select."""
@@ -96,6 +102,8 @@ class UrlPort:
                 _hear_out(self._connection)
             self._connection.close()
         if self._bridge is not None:
+            if not self._is_purged:
+                self._bridge.flush()
             self._bridge.close()
         return True
 
@@ -145,6 +153,12 @@ class _Bridge:
     def fileno(self) -> int:
         return self._ours.fileno()
 
+    def flush(self) -> None:
+        """Take nothing more, and wait for what is between the threads: closed at once, the last block stayed there."""
+        with contextlib.suppress(OSError):
+            self._ours.shutdown(socket.SHUT_WR)
+        self._threads[-1].join(_LINGER_S)
+
     def close(self) -> None:
         with contextlib.suppress(OSError, serial.SerialException):
             self._port.close()
@@ -180,7 +194,10 @@ class _Bridge:
 
 
 def _reason(problem: Exception) -> str:
+    """Why a port cannot be opened, and what to do; pyserial's own words only where nothing better is known."""
+    text, network = str(problem), "check address, port number and network"
     for cause in (problem, problem.__context__):
         if isinstance(cause, OSError) and cause.strerror:
-            return cause.strerror
-    return str(problem).splitlines()[0]
+            return f"{cause.strerror}; {network}"
+    known = next((meant for said, meant in _REFUSALS.items() if said in text), None)
+    return known or f"{text.splitlines()[0]}; {network}"
