@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
-from dnc.errors import InputRejected
+from dnc.errors import InputRejected, UserError
 from dnc.port import Port
 from dnc.punch_in import PunchIn, Received
 
@@ -33,10 +33,11 @@ class Stored:
 
 @dataclass(frozen=True, slots=True)
 class Haul:
-    """All that came, and the signal that ended the listening, if one did."""
+    """All that came, and what ended the listening too early, if anything did: a signal, or a fault of port or disk."""
 
     stored: list[Stored]
     signal: int | None
+    fault: UserError | None = None
 
 
 def receive(
@@ -44,10 +45,11 @@ def receive(
 ) -> Haul:
     """Listen for `count` programs (0: no limit), until nothing came for `wait_s` (0: for ever), or a signal.
 
-    Whatever ends it, a lost port included, what came of a program that is under way is stored too.
+    Whatever ends it, a lost port included, what came of a program that is under way is stored too, and all is told.
     """
     stored: list[Stored] = []
     signals: list[int] = []
+    fault: UserError | None = None
 
     def keep(programs: list[Received]) -> None:
         for program in programs:
@@ -74,14 +76,19 @@ def receive(
                 quiet_since_s = now_s
             if stop_read in ready or (not ready and 0 < wait_s <= now_s - quiet_since_s):
                 break
+    except UserError as problem:
+        fault = problem
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
         os.close(stop_read)
         os.close(stop_write)
+    try:
         if not 0 < count <= len(stored):
             keep(punch_in.break_off())
-    return Haul(stored, signals[0] if signals else None)
+    except UserError as problem:
+        fault = fault or problem
+    return Haul(stored, signals[0] if signals else None, fault)
 
 
 def put_away(program: Received, folder: Path) -> Stored:

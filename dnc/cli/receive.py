@@ -54,7 +54,7 @@ def command(
 
     from dnc.errors import PortLost
     from dnc.punch_in import PunchIn
-    from dnc.receiving import Stored, receive
+    from dnc.receiving import Haul, Stored, receive
     from dnc.sending import link_with, machine_profile, open_port
     from planner.files import made_folder
 
@@ -77,7 +77,7 @@ def command(
         punch_in = PunchIn(silence_s, max_bytes, is_seven_bit=link.software_parity)
         haul = receive(opened, punch_in, folder, count, wait_s, say)
     except PortLost as problem:
-        raise PortLost(f"{label}{problem}") from None
+        haul = Haul([], None, problem)
     finally:
         opened.close()
     if as_json:
@@ -88,9 +88,11 @@ def command(
 
 
 def _ending(haul: Haul, count: int, label: str) -> int:
-    """The exit code; raises LineFault for a program that broke off, and where fewer came than were wanted."""
-    from dnc.errors import ExitCode, LineFault
+    """The exit code; raises what went wrong, LineFault for a program that broke off or fewer than were wanted."""
+    from dnc.errors import ExitCode, LineFault, PortLost
 
+    if haul.fault is not None:
+        raise PortLost(label + str(haul.fault)) if isinstance(haul.fault, PortLost) else haul.fault
     broken = next((one for one in haul.stored if not one.is_whole), None)
     what = f"{broken.path} is not whole, ended by {broken.ended_by}; punch it out again" if broken is not None else ""
     if haul.signal is not None:

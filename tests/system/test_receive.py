@@ -93,14 +93,15 @@ def test_a_program_that_said_m30_is_whole_whoever_ends_the_listening(
 
 
 def test_a_program_cut_by_the_line_is_kept_as_partial(tmp_path: Path) -> None:
-    """(2.7, 5.5, 5.7)"""
-    with punching(tmp_path) as punch:
+    """(2.7, 5.5, 5.7) The report names what was stored all the same: who reads only that lost both programs."""
+    with punching(tmp_path, "--json") as punch:
         os.write(punch.end, WHOLE + BEGUN)
         assert "O1234 stored" in punch.heard()
         os.close(punch.end)
         code, words = punch.finish()
     assert code == 5
     assert (tmp_path / "O77.partial").read_bytes() == BEGUN
+    assert [one["is_whole"] for one in validated(punch.printed)["programs"]] == [True, False]
     assert words[-1].startswith("dnc: SIMULATED: /dev/pts/")
     assert not any("Traceback" in word for word in words)
 
