@@ -22,8 +22,8 @@ def command(port: str | None, loopback: bool, machine: str, as_json: bool) -> in
     from dnc.doctor import Finding, examine, probe_loopback
     from dnc.errors import PortUnavailable
     from dnc.places import state_folder
-    from dnc.port import SerialPort
     from dnc.profile import load_profile, profile_path
+    from dnc.sending import open_port
 
     if loopback and port is None:
         raise click.UsageError("--loopback needs --port")
@@ -33,9 +33,10 @@ def command(port: str | None, loopback: bool, machine: str, as_json: bool) -> in
         if loopback:  # the plug joins no modem lines, and a driver would obey the DC3 that comes back
             link = msgspec.structs.replace(link, handshake="xonxoff")
         try:
-            opened = SerialPort(port, link)
+            opened = open_port(port, link)
         except PortUnavailable as problem:
-            findings.append(Finding("port", False, str(problem), "see dnc ports"))
+            what, _, remedy = str(problem).partition("; ")
+            findings.append(Finding("port", False, what, remedy))
         else:
             findings.append(Finding("port", True, f"{port} can be opened"))
             if loopback:

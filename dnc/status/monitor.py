@@ -133,7 +133,8 @@ class StatusMonitor:
             try:
                 image, refused = await self._read_all(client)
             except (ModbusException, OSError, TimeoutError) as problem:
-                self.ledger.failed(f"no answer from {self.modbus.host}:{self.modbus.port} ({type(problem).__name__})")
+                reason = f" ({problem.strerror})" if isinstance(problem, OSError) and problem.strerror else ""
+                self.ledger.failed(f"no answer from {self.modbus.host}:{self.modbus.port}{reason}")
                 return
             self.ledger.answered(image, refused, self._monotonic())
             if not is_asked and self.status().value("map_version") is not None:

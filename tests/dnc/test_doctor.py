@@ -7,6 +7,7 @@ import json
 import os
 import pty
 import select
+import socket
 import subprocess
 import sys
 import threading
@@ -219,6 +220,36 @@ def test_the_plug_is_judged_without_the_profiles_handshake(tmp_path: Path, hands
     os.close(slave)
     os.close(master)
     assert "114 bytes came back unchanged" in ran.output, ran.output
+
+
+def examined(*words: str) -> dict[str, object]:
+    """What the doctor says of a port."""
+    ran = CliRunner().invoke(program, ["doctor", "--json", *words], standalone_mode=False)
+    (finding,) = [one for one in json.loads(ran.stdout)["findings"] if one["id"] == "port"]
+    assert (ran.return_value == 0) == finding["is_good"]
+    return dict(finding)
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "remedy"),
+    [
+        ("/dev/ttyUSB77", "No such file", "see dnc ports"),
+        (__file__, "is not a serial port", "see dnc ports"),
+        ("socket://127.0.0.1:1", "cannot be opened", "check address, port number and network"),
+    ],
+)
+def test_a_port_that_cannot_be_had_is_told_once_with_its_own_remedy(name: str, what: str, remedy: str) -> None:
+    """(5.9) "See dnc ports" stood twice, and behind what it is no help for; a device server was looked for in /dev."""
+    finding = examined("--port", name)
+    assert what in str(finding["text"])
+    assert remedy not in str(finding["text"])
+    assert finding["remedy"] == remedy
+
+
+def test_a_device_server_can_be_examined() -> None:
+    """(5.9)"""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        assert examined("--port", f"socket://127.0.0.1:{server.getsockname()[1]}")["is_good"]
 
 
 def record(job: str, outcome: str = "SENT") -> dict[str, object]:

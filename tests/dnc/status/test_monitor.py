@@ -87,6 +87,7 @@ async def test_a_silent_device_is_seen_within_two_seconds() -> None:
     server = await asyncio.start_server(swallow, "127.0.0.1", 0)
     async with server, watching(server.sockets[0].getsockname()[1]) as monitor:
         await until(monitor, lambda status: "no answer" in status.problem, 2.0)
+        assert monitor.status().problem == f"no answer from 127.0.0.1:{monitor.modbus.port}"
         assert not monitor.status().is_available
 
 
