@@ -133,7 +133,8 @@ def examine(
 
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "test-handshake.mpf"
-        program.write_bytes(to_and_fro(profile.control, pace_of(profile).unseen_bytes))
+        unseen_bytes = pace_of(profile, is_networked=not port.is_bound_assured).unseen_bytes
+        program.write_bytes(to_and_fro(profile.control, unseen_bytes))
         tape = load_tape(program, Tape(), made_state_folder() / "spool", profile.link.data_bits)
     silent = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, hold_timeout_s=0.0))
     job = Job(tape, port, silent, JobNames(new_job_id(known_ids(state_folder())), "test-handshake", machine), [tell])

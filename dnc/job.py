@@ -78,7 +78,9 @@ class Job:
         self, tape: Tape, port: Port, profile: MachineProfile, names: JobNames, listeners: list[Listener]
     ) -> None:
         self.tape, self.port, self.profile, self.names = tape, port, profile, names
-        self.sender = Sender(tape, ByteClock(pace_of(profile)), rules_of(profile.link))
+        self.sender = Sender(
+            tape, ByteClock(pace_of(profile, is_networked=not port.is_bound_assured)), rules_of(profile.link)
+        )
         self._folder = state_folder() / "jobs" / names.job_id
         self.events = EventLog([*listeners, Capture(self._folder / "heard", _HEARD_BYTES)])
         ahead = max(_AHEAD_MIN_BYTES, int(_AHEAD_S * profile.link.baud / 10))

@@ -12,9 +12,12 @@ from dnc.pacing import (
 )
 from dnc.profile import MachineProfile
 
+NETWORK_BYTES = 1 << 17
+"""What two ends of a TCP connection take while nobody reads: 64 kB of window and what they count against it."""
 
-def pace_of(profile: MachineProfile) -> Pace:
-    """The measure of this line."""
+
+def pace_of(profile: MachineProfile, *, is_networked: bool = False) -> Pace:
+    """The measure of this line; behind a network a device server may hold bytes back, and the connection to it more."""
     link = profile.link
     inflight = link.inflight_max_bytes or default_inflight_bytes(
         link.baud, link.format, profile.control.xoff_free_bytes
@@ -24,5 +27,6 @@ def pace_of(profile: MachineProfile) -> Pace:
     char_delay_s = link.char_delay_s
     if link.handshake == "xonxoff":
         char_delay_s = max(char_delay_s, answer_delay_s(byte_s, profile.control.xoff_free_bytes))
-    unseen_bytes = link.adapter_fifo_bytes if link.handshake == "driver" else 0
+    unseen_bytes = link.adapter_fifo_bytes if link.handshake == "driver" or is_networked else 0
+    unseen_bytes += NETWORK_BYTES if is_networked else 0
     return Pace(byte_s, inflight, lag_s, slack, char_delay_s, link.line_delay_s, unseen_bytes)

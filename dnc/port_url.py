@@ -47,6 +47,7 @@ class UrlPort:
             if name.startswith("socket://"):
                 self._connection = socket.create_connection((host, number), _CONNECT_S)
                 self._connection.setblocking(False)
+                _slim(self._connection)
                 self._fd = self._connection.fileno()
             else:
                 self._bridge = _Bridge(_device_server(name, link))
@@ -108,6 +109,11 @@ class UrlPort:
         return True
 
 
+def _slim(connection: socket.socket) -> None:
+    """Let little wait on our side: the system would take 4 MB for a device server that has stopped reading."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _CHUNK_BYTES)
+
+
 def _hear_out(connection: socket.socket) -> None:
     """Say that nothing follows, then read what still comes: closed with bytes unread, a socket drops those unsent."""
     until_s = time.monotonic() + _LINGER_S
@@ -144,6 +150,9 @@ class _Bridge:
     def __init__(self, port: serial.Serial) -> None:
         self._port = port
         self._ours, self._theirs = socket.socketpair()
+        for end in (self._ours, getattr(port, "_socket", None)):  # pyserial's own name: without it only wider
+            if end is not None:
+                _slim(end)
         self._ours.setblocking(False)
         works = (self._inward, self._outward)
         self._threads = [threading.Thread(target=work, name="rfc2217", daemon=True) for work in works]

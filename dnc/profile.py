@@ -34,7 +34,7 @@ class Link(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Without `inflight_max_bytes` the baud rate decides (pacing.default_inflight_bytes). `adapter_latency_s` is what an
     adapter adds between the control's XOFF and the moment we can read it, `adapter_fifo_bytes` what one that obeys XOFF
-    itself (handshake driver) may hold back without our knowing.
+    itself (handshake driver), or a device server, may hold back without our knowing.
     """
 
     baud: Annotated[int, Meta(ge=50, le=4_000_000)] = 9600
