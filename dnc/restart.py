@@ -7,7 +7,7 @@ naming the nearest block before it that can be restored.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from dnc.errors import InputRejected
@@ -20,6 +20,8 @@ from sim.interpreter.settings import Settings
 from sim.interpreter.state import INCH_MM, State
 
 _OPTIONAL = re.compile(rb"^[ \t\r]*(?:[N:][ \t]*\d+[ \t]*)?/", re.MULTILINE | re.IGNORECASE)
+_NO_DIMENSIONS = frozenset({ModalGroup.FRAME, ModalGroup.SUPPRESSION, ModalGroup.ONE_SHOT})
+"""Codes in whose blocks X, Y and Z are no places in the program's own coordinates."""
 _GEOMETRY = frozenset({"X", "Y", "Z", "PO"})
 
 
@@ -183,17 +185,59 @@ def _obstacle(interpreter: Interpreter) -> str | None:
     return None
 
 
+class _Whereabouts:
+    """Which axes stand where only the control can tell: it alone knows its work offsets.
+
+    Those are axes that were moved in machine coordinates (SUPA, G53, reference points) or before the work offset
+    changed, until a dimension in the program's own coordinates moves them again.
+    """
+
+    def __init__(self) -> None:
+        self._moved: set[int] = set()
+        self._unsure: set[int] = set()
+
+    @property
+    def obstacle(self) -> str | None:
+        """Why no restart can begin here, or None."""
+        if not self._unsure:
+            return None
+        axes = ", ".join("XYZ"[axis] for axis in sorted(self._unsure))
+        return f"where {axes} stands depends on work offsets that only the control knows (SUPA, G53, another offset)"
+
+    def note(self, block: Block | None, commands: Iterable[canon.Command], offset_before: str, after: State) -> None:
+        """A block, None where it was not surely run; what it commanded; the work offset before, the state behind it."""
+        if after.work_offset != offset_before:
+            self._unsure |= self._moved
+        for one in commands:
+            if isinstance(one, canon.Motion):
+                axes = {axis for axis in range(3) if one.start[axis] != one.end[axis]}
+                self._moved |= axes
+                self._unsure |= axes if isinstance(one, canon.Rapid) and one.is_machine else set()
+        groups = {GROUP_OF.get(code) for code in map(code_of, block.words if block else ()) if code}
+        if block is None or not groups.isdisjoint(_NO_DIMENSIONS):
+            return
+        named = {word.address: word.value for word in block.words}
+        self._moved |= {axis for axis, name in enumerate("XYZ") if name in named}
+        if after.dimension == "G90":  # an expression may be IC()
+            self._unsure -= {axis for axis, name in enumerate("XYZ") if isinstance(named.get(name), float)}
+
+
 def _places(data: bytes, settings: Settings | None) -> Iterator[_Place]:
     """Every line with the state before it, until the control would stop."""
-    interpreter = Interpreter(settings)
+    interpreter, whereabouts = Interpreter(settings), _Whereabouts()
+    are_offsets_known = settings is not None and bool(settings.work_offsets_mm)
     offset = 0
     for line, raw in enumerate(_lines(data), 1):
         state = interpreter.state
         if state.is_ended:
             return
         parameters = dict(interpreter.variables.r)
-        yield _Place(line, _number(raw), offset, state, parameters, _obstacle(interpreter))
-        interpreter.block(raw.rstrip(b"\r\n"), line)
+        obstacle = _obstacle(interpreter) or (None if are_offsets_known else whereabouts.obstacle)
+        block = _read(raw)
+        yield _Place(line, block.number if block else None, offset, state, parameters, obstacle)
+        commands = interpreter.block(raw.rstrip(b"\r\n"), line)
+        is_run = not interpreter.is_in_structure
+        whereabouts.note(block if is_run else None, commands, state.work_offset, interpreter.modal)
         offset += len(raw)
 
 
@@ -204,11 +248,6 @@ def _lines(data: bytes) -> Iterator[bytes]:
         stop = data.find(b"\n", start) + 1 or len(data)
         yield data[start:stop]
         start = stop
-
-
-def _number(raw: bytes) -> int | None:
-    block = _read(raw)
-    return None if block is None else block.number
 
 
 def _read(raw: bytes) -> Block | None:

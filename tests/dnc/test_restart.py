@@ -79,6 +79,9 @@ def test_a_place_behind_an_alarm_is_refused_with_the_alarm() -> None:
         ("DEF REAL WIDTH=5\n@G1 X10 F250\n", "defined by DEF"),
         ("G41\nG1 X10 F250\nX20\nG40\n@X30 Y9\n", "is ended by the next move only"),
         ("G1 X10 F250\nG0 SUPA Z400 D0\n@T2\nD1\n", "D0 is in force"),
+        ("G1 X10 F250\nG0 SUPA Z400\n@G0 X20 Y9\nZ50\n", "where Z stands depends on work offsets"),
+        ("G1 X10 Y-2 F250\nG0 Z50\nG54 G0 X20\nZ12\n@G1 Z1\n", "where Y stands depends on work offsets"),
+        ("G1 X10 F250\nG0 Z50\nG53 G0 X0 Y0\nG91 X5\n@G90 X20 Y9\n", "where X, Y stands depends on work offsets"),
     ],
 )
 def test_places_that_cannot_be_restored_are_refused_with_a_better_one(middle: str, words: str) -> None:
@@ -95,6 +98,19 @@ def test_places_that_cannot_be_restored_are_refused_with_a_better_one(middle: st
     for later in range(int(named[1]) + 1, line):
         with pytest.raises(InputRejected):
             restart_at_line(data, later, HEIGHTS, settings)
+
+
+def test_dimensions_in_the_new_offset_say_where_the_axes_stand() -> None:
+    """(6.8) The same numbers under another offset are another place; once all are named, a restart can begin."""
+    blocks = HEAD + "G1 X10 Y-2 F250\nG0 Z50\nG54\nG0 X10 Y-2\nZ50\nZ12\nG1 Z1\nM30\n"
+    line = blocks.count("\n") - 3
+    assert restart_at_line(blocks.encode(), line + 1, HEIGHTS).position_mm == (10.0 + 1.0, -2.0 + 2.0, 50.0 + 3.0)
+    for incremental in ("X=IC(10)", "G91 X10"):
+        with pytest.raises(InputRejected, match="where X"):
+            restart_at_line(blocks.replace("G0 X10", f"G0 {incremental}").encode(), line + 1, HEIGHTS)
+    branch = blocks.replace("G0 X10 Y-2\n", "IF R1\nG0 X10 Y-2\nENDIF\n")
+    with pytest.raises(InputRejected, match="where X, Y stands"):
+        restart_at_line(branch.encode(), line + 3, HEIGHTS)
 
 
 def test_before_a_tool_is_called_no_line_is_named() -> None:
