@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 LOCK_FOLDER = Path("/var/lock")
+_COMMAND_LETTERS = 160
 
 
 def lock_name(device: Path) -> str:
@@ -85,5 +86,6 @@ def process_words(pid: int) -> str:
     with contextlib.suppress(OSError):
         command = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode("latin-1").strip()
         if command:
-            return f"process {pid} ({''.join(char if char.isprintable() else '?' for char in command[:80])})"
+            shown = command if len(command) <= _COMMAND_LETTERS else f"{command[: _COMMAND_LETTERS - 3]}..."
+            return f"process {pid} ({''.join(char if char.isprintable() else '?' for char in shown)})"
     return f"process {pid}"

@@ -48,8 +48,8 @@ def command(job: str | None, verify: bool, as_json: bool) -> None:
                 click.echo(f"{name:12} {printable(value)}")
             continue
         label = "SIMULATED" if past.values.get("simulated") else ""
-        program = printable(str(past.values.get("program", "?")))
-        click.echo(f"{past.job:30} {label:9} {past.outcome:11} {_sent(past)}  {program}")
+        port, program = (printable(str(past.values.get(key, "?"))) for key in ("port", "program"))
+        click.echo(f"{past.job:30} {label:9} {past.outcome:11} {_sent(past)}  {port}  {program}")
 
 
 def _sent(past: PastJob) -> str:

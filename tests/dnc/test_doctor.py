@@ -295,7 +295,9 @@ def test_commands_report_json(name: str, tmp_path: Path, monkeypatch: pytest.Mon
 def test_jobs_command_shows_and_verifies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     append_record(tmp_path / "dnc", record("20260101T000000-1"))
-    assert "a.mpf" in CliRunner().invoke(program, ["jobs", "--verify"]).stdout
+    append_record(tmp_path / "dnc", {**record("20270101T000000-1"), "port": "/dev/ttyUSB7"})
+    listed = CliRunner().invoke(program, ["jobs", "--verify"]).stdout.splitlines()
+    assert [line.split()[-2:] for line in listed] == [["?", "a.mpf"], ["/dev/ttyUSB7", "a.mpf"]]
     one = ["jobs", "20260101"]
     assert json.loads(CliRunner().invoke(program, [*one, "--json"]).stdout)["jobs"][0]["outcome"] == "SENT"
     page = dict(line.split(maxsplit=1) for line in CliRunner().invoke(program, one).stdout.splitlines())

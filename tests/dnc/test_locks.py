@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
-from dnc.locks import UucpLock, lock_name
+from dnc.locks import UucpLock, lock_name, process_words
 
 
 def test_lock_files(tmp_path: Path) -> None:
@@ -26,3 +28,15 @@ def test_lock_files(tmp_path: Path) -> None:
     path.write_text("not a pid")
     assert lock.acquire() is None
     lock.release()
+
+
+def test_a_long_command_is_cut_visibly() -> None:
+    """(5.5) "--port /dev/pts/" was told of a holder, as if that were its port."""
+    words = [sys.executable, "-c", "print(flush=True); input()", "x" * 300]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()  # from here on it bears its own words
+        told = process_words(process.pid)
+        process.kill()
+    assert told.startswith(f"process {process.pid} (")
+    assert told.endswith("x...)")
