@@ -97,7 +97,8 @@ def run_case(folder: Path, name: str, patch: NurbsPatch, scallop_mm: float, angl
         return False
     promised, measured = (json.loads(Path(file).read_text()) for file in (plan, cut))
     operation = load_job(Path(job)).operation[0]
-    target_mm = scallop_mm - operation.path_mm * 4.0 / (4.0 - scallop_mm)
+    # (18) on level ground, where two balls smaller by path_mm leave scallop_mm.
+    target_mm = 4.0 - ((4.0 - scallop_mm) ** 2 + 8.0 * operation.path_mm - operation.path_mm**2) ** 0.5
     gaps = np.array(promised["scallop_gaps_mm"][:-1])
     gaps = 100 * gaps[gaps > 0] / target_mm
     least_mm = scallop_mm - 2 * (operation.path_mm + promised["rounding_mm"])
