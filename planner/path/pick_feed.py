@@ -91,14 +91,18 @@ def solve_pick_feeds(
     planes = _with_last(ground, planes, scallop_mm, accuracy_mm)
     peaks, tops = _trimmed(ground, peaks, tops, planes, scallop_mm)
     peaks = with_one_sided(ground, planes, peaks, scallop_mm)
-    if end is ChainEnd.SETTLED and float(peaks.height_mm.max(initial=0.0)) > scallop_mm + accuracy_mm:
-        end = ChainEnd.LOST
-    if end is ChainEnd.SETTLED and peaks.last_mm > scallop_mm + accuracy_mm:
-        end = ChainEnd.OPEN
+    end = _judged(peaks, scallop_mm + accuracy_mm) if end is ChainEnd.SETTLED else end
     if high_mm:
         peaks = replace(survey_at(exact, planes, tops), missed=peaks.missed)
         peaks = with_one_sided(exact, planes, peaks, scallop_mm - high_mm)
     return PickFeeds(planes, peaks, end)
+
+
+def _judged(peaks: Peaks, most_mm: float) -> ChainEnd:
+    """How a settled chain ended, by what the planes that were kept leave: at most `most_mm`, or not."""
+    if float(peaks.height_mm.max(initial=0.0)) > most_mm:
+        return ChainEnd.LOST
+    return ChainEnd.OPEN if peaks.last_mm > most_mm else ChainEnd.SETTLED
 
 
 def _brackets(known: Brackets, planes_mm: Array, peaks: Peaks, scallop_mm: float, accuracy_mm: float) -> Brackets:
