@@ -83,13 +83,11 @@ class OffsetSurface:
 
 def cross_product(left: Array, right: Array) -> Array:
     """Cross products of columns: (3, m) x (3, m), without the axis shuffling of np.cross."""
-    return np.stack(
-        [
-            left[1] * right[2] - left[2] * right[1],
-            left[2] * right[0] - left[0] * right[2],
-            left[0] * right[1] - left[1] * right[0],
-        ]
-    )
+    found = np.empty_like(left)
+    for row, (this, that) in enumerate(((1, 2), (2, 0), (0, 1))):
+        np.multiply(left[this], right[that], out=found[row])
+        found[row] -= left[that] * right[this]
+    return found
 
 
 def dot(left: Array, right: Array) -> Array:

@@ -41,8 +41,7 @@ class SpanBasis:
 
     def spans_of(self, parameters: Array) -> NDArray[np.intp]:
         """The span each parameter (m,) falls into; outside the domain the first or last, whose polynomial extends."""
-        found = np.searchsorted(self.starts, parameters, side="right") - 1
-        return np.clip(found, 0, len(self.starts) - 1)
+        return np.searchsorted(self.starts[1:], parameters, side="right")
 
 
 def span_basis(knots: Array, degree: int) -> SpanBasis:

@@ -108,13 +108,16 @@ class NurbsPatch:
 
 def _horner(coefficients: Array, at: Array, derivatives: int) -> tuple[Array, ...]:
     """A polynomial and its first derivatives: coefficients (degree + 1, ..., m), at (m,)."""
-    totals = [np.array(coefficients[-1])] + [np.zeros_like(coefficients[-1]) for _ in range(derivatives)]
+    totals = [coefficients[-1].copy()]
     for coefficient in coefficients[-2::-1]:
-        for order in range(derivatives, 0, -1):
+        highest = [totals[-1].copy()] if len(totals) <= derivatives else []
+        for order in range(len(totals) - 1, 0, -1):
             totals[order] *= at
             totals[order] += totals[order - 1]
         totals[0] *= at
         totals[0] += coefficient
+        totals += highest
+    totals += [np.zeros_like(totals[0]) for _ in range(derivatives + 1 - len(totals))]
     if derivatives == 2:
         totals[2] *= 2.0
     return tuple(totals)
