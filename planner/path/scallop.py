@@ -163,7 +163,8 @@ def _solve_block(
             np.abs(np.concatenate([right, [touch_a.plane_error_mm, touch_b.plane_error_mm]])), axis=0, initial=0.0
         )
         is_found = (worst <= slack) & (np.maximum(touch_a.foot_error_mm, touch_b.foot_error_mm) <= 50 * slack)
-        inverse = _inverse([_row(touch_a.toward, under, height), _row(touch_b.toward, under, height), row])
+        moves = _moves(under, height)
+        inverse = _inverse([_row(touch_a.toward, moves), _row(touch_b.toward, moves), row])
         change = sum(inverse[:, i] * right[i] for i in range(3))
         move = under.contact_u * change[0] + under.contact_v * change[1]
         damp = np.minimum(1.0, 0.5 * surface.radius_mm / np.maximum(np.sqrt(dot(move, move)), 1e-300))
@@ -255,15 +256,14 @@ def _held_row(under: OffsetPoints, foot: Array, held: NDArray[np.intp], value: A
     return row, value - now
 
 
-def _row(toward: Array, under: OffsetPoints, height: Array) -> Array:
+def _moves(under: OffsetPoints, height: Array) -> tuple[Array, Array, Array]:
+    """How the cusp moves with (u, v, h), (3, m) each."""
+    return under.contact_u + height * under.normal_u, under.contact_v + height * under.normal_v, under.normal
+
+
+def _row(toward: Array, moves: tuple[Array, Array, Array]) -> Array:
     """How the distance to a pass grows with (u, v, h) of the cusp: (3, m)."""
-    return np.stack(
-        [
-            dot(toward, under.contact_u + height * under.normal_u),
-            dot(toward, under.contact_v + height * under.normal_v),
-            dot(toward, under.normal),
-        ]
-    )
+    return np.stack([dot(toward, move) for move in moves])
 
 
 def _inverse(rows: list[Array]) -> Array:
