@@ -81,7 +81,9 @@ def _step_of(
 def _spread(shares: Array, errors_mm: Array) -> Array:
     """Joints (n + 1,) spread anew, as dense as the sixth root of the errors (n,) asks."""
     hard = np.cbrt(np.sqrt(errors_mm + EASIEST * errors_mm.mean() + np.finfo(float).tiny))
-    rising = np.append(0.0, np.cumsum(hard))
-    spread = np.interp(np.linspace(0.0, rising[-1], len(shares)), rising, shares)
+    rising = np.zeros(len(shares))
+    np.cumsum(hard, out=rising[1:])
+    even = np.arange(len(shares)) * (rising[-1] / len(hard))
+    spread = np.interp(even, rising, shares)
     spread[[0, -1]] = 0.0, 1.0
     return np.asarray(spread)

@@ -28,18 +28,33 @@ def bezier_points(splines: Sequence[PlaneSpline]) -> Array:
     ends = np.stack([knots[spans], knots[spans + 1]])
     window = knots[spans[:, None] + np.arange(1 - degree, degree + 1)]
     legs = points[first[:, None] + np.arange(degree + 1)]
-    return np.stack([_blossom(window, legs, ends, number) for number in range(degree + 1)], axis=1)
+    shares = _shares(window, ends)
+    found = []
+    for by_end in range(degree + 1):
+        by_begin = legs
+        for level in range(by_end, degree):
+            by_begin = _between(by_begin, shares[level][0])
+        found.append(by_begin[:, 0])
+        legs = _between(legs, shares[by_end][1]) if by_end < degree else legs
+    return np.stack(found, axis=1)
 
 
-def _blossom(window: Array, points: Array, ends: Array, at_end: int) -> Array:
-    """The blossom (m, 2) of spans with 2 degree knots around each and degree + 1 points, `at_end` times at its end."""
-    degree = points.shape[1] - 1
-    for level in range(1, degree + 1):
-        argument = ends[1 if level <= at_end else 0][:, None]
-        low, high = window[:, level - 1 : degree], window[:, degree : 2 * degree + 1 - level]
-        share = ((argument - low) / (high - low))[:, :, None]
-        points = (1.0 - share) * points[:, :-1] + share * points[:, 1:]
-    return np.asarray(points[:, 0])
+def _shares(window: Array, ends: Array) -> list[Array]:
+    """Where the ends (2, m) of spans lie between the knots of each level, (2, m, degree - level, 1).
+
+    `window` (m, 2 degree) are the knots around each span.
+    """
+    degree = window.shape[1] // 2
+    shares = []
+    for level in range(degree):
+        low, high = window[:, level:degree], window[:, degree : 2 * degree - level]
+        shares.append(((ends[:, :, None] - low) / (high - low))[..., None])
+    return shares
+
+
+def _between(points: Array, share: Array) -> Array:
+    """From each point (m, n, 2) this share (m, n - 1, 1) of the way to the next."""
+    return (1.0 - share) * points[:, :-1] + share * points[:, 1:]
 
 
 def joints_of(spline: PlaneSpline) -> Array:
