@@ -8,10 +8,14 @@ from dataclasses import dataclass
 from dnc.errors import InputRejected
 from dnc.preamble import Heights, retract_blocks
 from dnc.restart import RestartPoint, clear_points
+from sim.interpreter import canon
+from sim.interpreter.alarms import AlarmNumber
+from sim.interpreter.run import interpret
 from sim.interpreter.settings import Settings
 
 _HEADER = re.compile(rb"^%_N_([A-Za-z0-9_]+)_(MPF|SPF)[ \t]*$")
 _KEPT_COMMENTS = (b";$PATH=", b";DRIPMILL ")
+_JUMPS = re.compile(rb"GOTO|REPEAT|CALL[ \t]+BLOCK", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +31,15 @@ def split_program(data: bytes, most_bytes: int, heights: Heights, settings: Sett
     """Parts of at most `most_bytes` bytes; every part but the first begins with a preamble that restores its state.
 
     Cuts lie before blocks that begin at or above the clearance height. Raises InputRejected where the blocks between
-    two such places do not fit.
+    two such places do not fit, and where a part would jump to a label that another part holds.
     """
+    parts = _cut(data, most_bytes, heights, settings)
+    if len(parts) > 1 and _JUMPS.search(data):
+        _require_labels(parts, settings)
+    return parts
+
+
+def _cut(data: bytes, most_bytes: int, heights: Heights, settings: Settings | None) -> list[Part]:
     last_line = data.count(b"\n") + (not data.endswith(b"\n"))
     if len(data) <= most_bytes:
         return [Part(data, 1, last_line)]
@@ -58,6 +69,18 @@ def split_program(data: bytes, most_bytes: int, heights: Heights, settings: Sett
         body = data[body_at : end.offset_bytes] + _closing(heights, end)
         parts.append(Part(opening + body, first_line, end.line - 1))
         begin = end
+
+
+def _require_labels(parts: list[Part], settings: Settings | None) -> None:
+    """Run every part by itself: a jump back over a cut would stop the control in the middle of the work."""
+    for number, part in enumerate(parts, 1):
+        for command in interpret(part.data, settings):
+            if isinstance(command, canon.Alarm) and command.number == AlarmNumber.JUMP_TARGET:
+                raise InputRejected(
+                    f"part {number}, lines {part.first_line} to {part.last_line} of the program, would stop with alarm "
+                    f"{command.number}: {command.text}",
+                    remedy="allow parts so large that a jump and its label stay together",
+                )
 
 
 def _opening(data: bytes, begin: RestartPoint | None, number: int) -> tuple[bytes, int]:

@@ -52,6 +52,20 @@ def test_parts_cut_what_the_whole_cuts(blocks: str, most_bytes: int) -> None:
     assert [part.first_line for part in parts[1:]] == [part.last_line + 1 for part in parts[:-1]]
 
 
+@pytest.mark.parametrize(
+    ("before", "behind"),
+    [("AGAIN:", "R1=R1+1\nIF R1<2 GOTOB AGAIN"), ("AGAIN:", "REPEAT AGAIN P=1")],
+)
+def test_a_jump_back_over_a_cut_is_refused(before: str, behind: str) -> None:
+    """(6.8) The control would find no label, in the middle of the work; parts that hold both are allowed."""
+    passes = "".join(f"G0 Z20\nG0 X{x}\nG1 Z-1 F100\nY{x}\n" for x in range(8)) + "G0 Z20\n"
+    data = f"T1 D1 M6\nG54\nS1000 M3\nG0 Z20\n{before}\n{passes}{behind}\n{passes}M30\n".encode()
+    with pytest.raises(InputRejected, match=r"part \d, lines \d+ to \d+ of the program, would stop .*AGAIN"):
+        split_program(data, 330, HEIGHTS)
+    apart = f"T1 D1 M6\nG54\nS1000 M3\nG0 Z20\n{passes}{before}\nG0 Z20\nX5\n{behind}\n{passes}M30\n".encode()
+    assert len(split_program(apart, 420, HEIGHTS)) > 1
+
+
 def test_every_part_is_clean_stamped_and_named() -> None:
     """A part passes the check by itself and keeps the stamp (6.8, 6.10)."""
     for number, part in enumerate(split_program(program(), 1200, HEIGHTS), 1):
