@@ -31,11 +31,11 @@ def split_program(data: bytes, most_bytes: int, heights: Heights, settings: Sett
     """Parts of at most `most_bytes` bytes; every part but the first begins with a preamble that restores its state.
 
     Cuts lie before blocks that begin at or above the clearance height. Raises InputRejected where the blocks between
-    two such places do not fit, and where a part would jump to a label that another part holds.
+    two such places do not fit, and where a jump would need a label that another part holds.
     """
     parts = _cut(data, most_bytes, heights, settings)
     if len(parts) > 1 and _JUMPS.search(data):
-        _require_labels(parts, settings)
+        _require_jumps(data, parts, settings)
     return parts
 
 
@@ -71,16 +71,28 @@ def _cut(data: bytes, most_bytes: int, heights: Heights, settings: Settings | No
         begin = end
 
 
-def _require_labels(parts: list[Part], settings: Settings | None) -> None:
-    """Run every part by itself: a jump back over a cut would stop the control in the middle of the work."""
+def _require_jumps(data: bytes, parts: list[Part], settings: Settings | None) -> None:
+    """Run every part by itself: a jump back over a cut stops the control in the middle of the work, or is not made."""
+    cut = 0
+    remedy = "allow parts so large that a jump and its label stay together"
     for number, part in enumerate(parts, 1):
         for command in interpret(part.data, settings):
             if isinstance(command, canon.Alarm) and command.number == AlarmNumber.JUMP_TARGET:
+                where = f"part {number}, lines {part.first_line} to {part.last_line} of the program"
                 raise InputRejected(
-                    f"part {number}, lines {part.first_line} to {part.last_line} of the program, would stop with alarm "
-                    f"{command.number}: {command.text}",
-                    remedy="allow parts so large that a jump and its label stay together",
+                    f"{where}, would stop with alarm {command.number}: {command.text}",
+                    remedy=remedy,
                 )
+            cut += _is_cut(command)
+    whole = sum(_is_cut(command) for command in interpret(data, settings))
+    if cut != whole:
+        raise InputRejected(
+            f"the program makes {whole} moves at feed, its parts {cut}: a jump crosses a cut", remedy=remedy
+        )
+
+
+def _is_cut(command: canon.Command) -> bool:
+    return isinstance(command, canon.Motion) and not isinstance(command, canon.Rapid)
 
 
 def _opening(data: bytes, begin: RestartPoint | None, number: int) -> tuple[bytes, int]:

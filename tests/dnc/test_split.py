@@ -53,16 +53,20 @@ def test_parts_cut_what_the_whole_cuts(blocks: str, most_bytes: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "behind"),
-    [("AGAIN:", "R1=R1+1\nIF R1<2 GOTOB AGAIN"), ("AGAIN:", "REPEAT AGAIN P=1")],
+    ("before", "behind", "told"),
+    [
+        ("AGAIN:", "R1=R1+1\nIF R1<2 GOTOB AGAIN", r"part 2, lines \d+ to \d+ of the program, would stop .* AGAIN"),
+        ("AGAIN:", "REPEAT AGAIN P=1", r"part 2, lines \d+ to \d+ of the program, would stop .* AGAIN"),
+        ("AGAIN:", "R1=R1+1\nIF R1<2 GOTOC AGAIN", "the program makes 63 moves at feed, its parts 31: a jump crosses"),
+    ],
 )
-def test_a_jump_back_over_a_cut_is_refused(before: str, behind: str) -> None:
+def test_a_jump_back_over_a_cut_is_refused(before: str, behind: str, told: str) -> None:
     """(6.8) The control would find no label, in the middle of the work; parts that hold both are allowed."""
-    passes = "".join(f"G0 Z20\nG0 X{x}\nG1 Z-1 F100\nY{x}\n" for x in range(8)) + "G0 Z20\n"
-    data = f"T1 D1 M6\nG54\nS1000 M3\nG0 Z20\n{before}\n{passes}{behind}\n{passes}M30\n".encode()
-    with pytest.raises(InputRejected, match=r"part \d, lines \d+ to \d+ of the program, would stop .*AGAIN"):
-        split_program(data, 330, HEIGHTS)
-    apart = f"T1 D1 M6\nG54\nS1000 M3\nG0 Z20\n{passes}{before}\nG0 Z20\nX5\n{behind}\n{passes}M30\n".encode()
+    passes = "".join(f"G0 Z20\nG0 X{x}\nG1 Z-1 F100\nY{x}\n" for x in range(16)) + "G0 Z20\n"
+    data = f"T1 D1 M6\nG54\nS1000 M3\nG0 Z20\n{before}\n{passes}{behind}\nM30\n".encode()
+    with pytest.raises(InputRejected, match=told):
+        split_program(data, 420, HEIGHTS)
+    apart = f"T1 D1 M6\nG54\nS1000 M3\nG0 Z20\n{passes}{before}\nG0 Z20\nX5\n{behind}\nM30\n".encode()
     assert len(split_program(apart, 420, HEIGHTS)) > 1
 
 
