@@ -22,6 +22,8 @@ from dnc.tape import Tape
 
 _ENDED = frozenset({"SENT", "ABORTED", "FAULTED"})
 """What only the record says more of: after an alarm of the control the journal's bytes prove nothing."""
+_BOUNDS = ("framing", "receive_buffer_bytes", "lookahead_blocks", "beyond_recall_bytes")
+"""What a killed job must have said of itself: without it today's profile, perhaps of less, would bound its window."""
 
 
 def stopped_job(tape: Tape, machine: str, port: str | None, *, is_forced: bool) -> PastJob:
@@ -71,7 +73,11 @@ def _lines_on_record(last: PastJob, tape: Tape, profile: MachineProfile) -> tupl
             what = f"the stopped job {last.job} ended {last.values['state']}, but its record could not be written"
             remedy = "how far the control came only it knows; use --start-at and the block that it shows"
             raise JournalMismatch(f"{what}; {remedy}")
-        if last.values.get("framing", framing_of(profile.tape)) != framing_of(profile.tape):
+        if any(key not in last.values for key in _BOUNDS):
+            what = f"the stopped job {last.job} was killed under an older dnc, which did not record all of its profile"
+            remedy = "the profile may have changed since; use --start-at and the block that the control shows"
+            raise JournalMismatch(f"{what}; {remedy}")
+        if last.values["framing"] != framing_of(profile.tape):
             what = (
                 f"the stopped job {last.job} was sent with other block ends, leader or trailer than the profile has now"
             )
@@ -128,10 +134,10 @@ def _held_at_most(values: dict[str, Any], profile: MachineProfile) -> tuple[Cont
     now = profile.control
     control = msgspec.structs.replace(
         now,
-        receive_buffer_bytes=max(now.receive_buffer_bytes, int(values.get("receive_buffer_bytes", 0))),
-        lookahead_blocks=max(now.lookahead_blocks, int(values.get("lookahead_blocks", 0))),
+        receive_buffer_bytes=max(now.receive_buffer_bytes, int(values["receive_buffer_bytes"])),
+        lookahead_blocks=max(now.lookahead_blocks, int(values["lookahead_blocks"])),
     )
-    return control, max(pace_of(profile).beyond_recall_bytes, int(values.get("beyond_recall_bytes", 0)))
+    return control, max(pace_of(profile).beyond_recall_bytes, int(values["beyond_recall_bytes"]))
 
 
 def _has_sent(past: PastJob) -> bool:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
 
+from dnc.errors import JournalMismatch
 from dnc.joblist import PastJob
-from dnc.profile import Control, Link, MachineProfile
+from dnc.profile import Control, Link, MachineProfile, framing_of
 from dnc.profile import Tape as Framing
 from dnc.record import in_doubt
 from dnc.spool import load_tape
@@ -26,6 +28,12 @@ def tape_of(folder: Path, lines: list[bytes]) -> Tape:
     program = folder / "part.mpf"
     program.write_bytes(b"\n".join(lines) + b"\n")
     return load_tape(program, Framing(leader="%\\LF"), folder / "spool", 8)
+
+
+def killed(profile: MachineProfile) -> dict[str, Any]:
+    """What is on record of a job that was killed 3000 bytes on, under a control that held nothing."""
+    sent = {"bytes_sent": 3000, "bound_bytes": 3000, "framing": framing_of(profile.tape)}
+    return {**sent, "receive_buffer_bytes": 0, "lookahead_blocks": 0, "beyond_recall_bytes": 0}
 
 
 @pytest.mark.parametrize("sent_bytes", [0, 1, 40, 500, 2000, 4000, 100_000])
@@ -57,12 +65,24 @@ def test_a_whole_job_is_counted_from_its_head(tmp_path: Path) -> None:
 
 def test_a_profile_that_shrank_since_does_not_narrow_the_window(tmp_path: Path) -> None:
     """(5.7) The window of a killed job was reckoned with the buffer and the look-ahead of now."""
-    values = {"bytes_sent": 3000, "bound_bytes": 3000, "receive_buffer_bytes": 1500, "lookahead_blocks": 40}
+    profile = MachineProfile(link=Link(), control=CONTROL, axes={}, tape=Framing(leader="%\\LF"))
+    values = killed(profile) | {"receive_buffer_bytes": 1500, "lookahead_blocks": 40}
     with closing(tape_of(tmp_path, BLOCKS)) as whole:
-        profile = MachineProfile(link=Link(), control=CONTROL, axes={}, tape=Framing(leader="%\\LF"))
         first, last = lines_in_doubt(PastJob("1", "INTERRUPTED", values), whole, profile)
         then = in_doubt(
             whole, 3000, 2, msgspec.structs.replace(CONTROL, receive_buffer_bytes=1500, lookahead_blocks=40)
         )
         assert then is not None
         assert (first, last) == (then.first, then.last)
+
+
+@pytest.mark.parametrize("key", ["framing", "receive_buffer_bytes", "lookahead_blocks", "beyond_recall_bytes"])
+def test_a_killed_job_that_left_a_bound_unsaid_is_not_resumed(tmp_path: Path, key: str) -> None:
+    """(5.7) An older dnc did not record it; the profile of now may hold less."""
+    profile = MachineProfile(link=Link(), control=CONTROL, axes={}, tape=Framing(leader="%\\LF"))
+    values = killed(profile)
+    with closing(tape_of(tmp_path, BLOCKS)) as whole:
+        assert lines_in_doubt(PastJob("1", "INTERRUPTED", values), whole, profile)
+        del values[key]
+        with pytest.raises(JournalMismatch, match="was killed under an older dnc, which did not record"):
+            lines_in_doubt(PastJob("1", "INTERRUPTED", values), whole, profile)

@@ -14,7 +14,7 @@ from dnc.events import JobState
 from dnc.journal import Journal
 from dnc.line_pace import pace_of
 from dnc.pacing import ByteClock
-from dnc.profile import Control, Link, load_profile
+from dnc.profile import Control, Link, framing_of, load_profile
 from dnc.record import doubt_of, in_doubt
 from dnc.resuming import plan_restart
 from dnc.rules import Rules
@@ -44,6 +44,8 @@ def test_a_killed_job_is_resumed_before_what_its_driver_still_held(
         journal.open()
         journal.close(sent_bytes, JobState.HELD)
         about = {"program_sha256": tape.program_sha256, "machine": "mill", "bytes_total": tape.size_bytes}
+        about |= {"framing": framing_of(profile.tape), "receive_buffer_bytes": 0, "lookahead_blocks": 0}
+        about |= {"beyond_recall_bytes": 0}
         (folder / "job.json").write_text(json.dumps(about))
         plan = plan_restart(program, tape, ("mill", profile), None, None, port=None, is_forced=False)
         wanted = in_doubt(tape, sent_bytes, inflight_bytes + fifo_bytes, control)
