@@ -41,7 +41,7 @@ def conversion_error(
         near = difflib.get_close_matches(name, sorted(_field_names(kind)), n=1)
         remedy = f"did you mean {near[0]}?" if near else "remove it, or see the list of keys in docs/interface.md"
         if near and near[0] == name:
-            remedy = "it belongs into another table; see the list of keys in docs/interface.md"
+            remedy = "it belongs in another table; see the list of keys in docs/interface.md"
         return error(f"unknown key {said}", path=path, line=_line(lines, (*at, name)), remedy=remedy)
     missing = re.search(r"missing required field `([^`]*)`", what)
     if missing:

@@ -44,7 +44,7 @@ def test_thesis_job_loads() -> None:
     ("old", "new", "sentence"),
     [
         ("scallop_mm = 0.08", "scalop_mm = 0.08", "job.toml:25: unknown key scalop_mm; did you mean scallop_mm?"),
-        ("safe_z_mm = 50.0", "scallop_mm = 1.0", "job.toml:10: unknown key scallop_mm; it belongs into another table"),
+        ("safe_z_mm = 50.0", "scallop_mm = 1.0", "job.toml:10: unknown key scallop_mm; it belongs in another table"),
         ("scallop_mm = 0.08", "scallop_mm = nan", "job.toml:25: operation.0.scallop_mm is nan"),
         ("scallop_mm = 0.08", "scallop_mm = 4.0", "job.toml:25: scallop_mm 4 is not below the ball radius 4"),
         (
