@@ -159,20 +159,48 @@ def best_of_each(gap: Indices, height: Array) -> Indices:
 
 
 def pass_runs(
-    heights: BorderHeights, ends: GapCusps, crossed: tuple[Indices, Array], *, join_mm: float
+    surface: OffsetSurface,
+    heights: BorderHeights,
+    ends: GapCusps,
+    crossed: tuple[Indices, Array, Array],
+    *,
+    join_mm: float,
 ) -> tuple[Indices, Array]:
     """Where passes must run to leave nothing on the patch: pass (k,) and [from, to] in x (k, 2), sorted.
 
-    A pass is needed where its contact point is on the patch (`crossed`: pass and x of its crossings of the border),
-    and as far beyond as it is the one that cuts a border point or a cusp's end lowest. Pieces nearer than `join_mm`
-    become one.
+    A pass is needed where its contact point is on the patch (`crossed`: pass, x and parameters of its crossings of the
+    border), and as far beyond as it is the one that cuts a border point or a cusp's end lowest. Pieces nearer than
+    `join_mm` become one, but for the two sides of a slot.
     """
     is_cut = heights.best >= 0
     owner = np.concatenate([heights.best[is_cut], ends.gap, ends.gap + 1])
     place = np.concatenate([heights.x[is_cut], ends.cusps.x_a, ends.cusps.x_b])
-    inside, runs = runs_inside(*crossed)
+    inside, runs = runs_inside(*crossed[:2])
     low, high = np.append(place, runs[:, 0]), np.append(place, runs[:, 1])
-    return joined_runs(np.append(owner, inside), np.stack([low, high], axis=1), join_mm=join_mm)
+    pieces = np.stack([low, high], axis=1)
+    return joined_runs(np.append(owner, inside), pieces, join_mm=join_mm, slots=slots_between(surface, *crossed))
+
+
+def slots_between(
+    surface: OffsetSurface, passes: Indices, x: Array, parameters: Array, seam_mm: float = 1e-6
+) -> tuple[Indices, Array]:
+    """Where a pass leaves one part of a patch for another beside it: pass (k,) and [from, to] in x (k, 2).
+
+    Given are its crossings of the border, in any order. Over a hollow of the border the extended patch goes on from
+    one crossing to the next, so the middle of their parameters lies between them; between two legs it lies elsewhere.
+    At a seam, where a patch closes upon itself, nothing lies between them: narrower than `seam_mm` is no slot.
+    """
+    order = np.lexsort((x, passes))
+    passes, x, parameters = passes[order], x[order], parameters[:, order]
+    rank = np.arange(len(passes)) - np.searchsorted(passes, passes)
+    leaves = np.flatnonzero((rank % 2 == 1)[:-1] & (passes[1:] == passes[:-1]))
+    here, there = parameters[:, leaves], parameters[:, leaves + 1]
+    wide_mm = x[leaves + 1] - x[leaves]
+    middle, start = (surface.evaluate(*at).centre[:2] for at in ((here + there) / 2, here))
+    off_mm = np.abs(middle - start - [wide_mm / 2, np.zeros(len(leaves))])
+    is_hollow = (off_mm[0] < wide_mm / 2) & (off_mm[1] < wide_mm)
+    found = leaves[~is_hollow & (wide_mm > seam_mm)]
+    return passes[found], np.stack([x[found], x[found + 1]], axis=1)
 
 
 def runs_inside(passes: Indices, x: Array) -> tuple[Indices, Array]:
@@ -184,13 +212,26 @@ def runs_inside(passes: Indices, x: Array) -> tuple[Indices, Array]:
     return passes[start], np.stack([x[start], x[start + 1]], axis=1)
 
 
-def joined_runs(owner: Indices, pieces: Array, *, join_mm: float) -> tuple[Indices, Array]:
-    """Pieces (k, 2) of passes `owner` (k,) sorted, those of a pass nearer than `join_mm` as one."""
+def joined_runs(
+    owner: Indices, pieces: Array, *, join_mm: float, slots: tuple[Indices, Array]
+) -> tuple[Indices, Array]:
+    """Pieces (k, 2) of passes `owner` (k,) sorted, those of a pass nearer than `join_mm` as one.
+
+    None reaches through one of the `slots`, pass (m,) and [from, to] in x (m, 2): nobody knows what stands there. What
+    is needed in a slot belongs to the side that it is nearer to, so the widest blank in it stays open.
+    """
     low, high = pieces.T
     order = np.lexsort((low, owner))
+    owner, low, high = owner[order], low[order], high[order]
+    is_open = np.zeros(len(owner), dtype=bool)
+    for one, (begin, end) in zip(*slots, strict=True):
+        inside = np.flatnonzero((owner[1:] == one) & (owner[:-1] == one) & (high[:-1] >= begin) & (low[1:] <= end)) + 1
+        if len(inside):
+            is_open[inside[np.argmax(low[inside] - high[inside - 1])]] = True
     runs: list[tuple[int, float, float]] = []
-    for one, begin, end in zip(owner[order].tolist(), low[order].tolist(), high[order].tolist(), strict=True):
-        if runs and runs[-1][0] == one and begin <= runs[-1][2] + join_mm:
+    columns = owner.tolist(), low.tolist(), high.tolist(), is_open.tolist()
+    for one, begin, end, stays_open in zip(*columns, strict=True):
+        if runs and not stays_open and runs[-1][0] == one and begin <= runs[-1][2] + join_mm:
             runs[-1] = (one, runs[-1][1], max(runs[-1][2], end))
         else:
             runs.append((one, begin, end))

@@ -175,8 +175,8 @@ def _needed_runs(ground: Ground, planes_mm: Array, *, join_mm: float) -> tuple[I
     """Where passes up to the border must run: index of the plane (k,) and [from, to] in x (k, 2)."""
     heights = border_heights(ground.surface, ground.border, planes_mm)
     ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
-    passes, x, _ = crossings(ground.surface, ground.border, planes_mm)
-    return pass_runs(heights, ends, (passes, x), join_mm=join_mm)
+    crossed = crossings(ground.surface, ground.border, planes_mm)
+    return pass_runs(ground.surface, heights, ends, crossed, join_mm=join_mm)
 
 
 def run_passes(ground: Ground, planes_mm: Array, angle_rad: float, *, accuracy_mm: float) -> list[TracedCurve]:
