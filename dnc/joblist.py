@@ -62,6 +62,18 @@ def first_broken_link(state: Path) -> int | None:
     return None
 
 
+def require_readable(state: Path) -> None:
+    """Raises JournalMismatch where there is a record that nobody can look into: it is neither empty nor whole."""
+    path = state / "records.jsonl"
+    try:
+        path.open("rb").close()
+    except FileNotFoundError:
+        return
+    except OSError as problem:
+        what = f"{path}: the record of jobs cannot be read: {problem.strerror}"
+        raise JournalMismatch(f"{what}; check its rights, or set XDG_STATE_HOME to a folder of yours") from None
+
+
 def _lines(state: Path) -> list[bytes]:
     try:
         return (state / "records.jsonl").read_bytes().split(b"\n")[:-1]

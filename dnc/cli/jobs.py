@@ -22,10 +22,11 @@ def command(job: str | None, verify: bool, as_json: bool) -> None:
     INTERRUPTED jobs ended without a word (power cut, kill): their journal bounds what the control can have received.
     """
     from dnc.errors import JournalMismatch
-    from dnc.joblist import first_broken_link, past_jobs
+    from dnc.joblist import first_broken_link, past_jobs, require_readable
     from dnc.places import state_folder
     from dnc.progress import printable
 
+    require_readable(state_folder())
     jobs = past_jobs(state_folder())
     if verify:
         broken = first_broken_link(state_folder())

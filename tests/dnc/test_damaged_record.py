@@ -128,3 +128,16 @@ def test_what_a_job_is_lies_on_disk_before_its_journal(tmp_path: Path, monkeypat
         job = Job(tape, SerialPort(peer.pty, profile.link), profile, JobNames(JOB, "part.mpf", "mill"), [])
         assert job.run().exit_code == 0
     assert written == [("job.json", True, False)]
+
+
+@pytest.mark.parametrize("arguments", [["jobs"], ["jobs", "--json"], ["jobs", "--verify"]])
+def test_a_record_that_cannot_be_read_is_neither_empty_nor_whole(
+    tmp_path: Path, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(5.7) It was listed as no jobs at all, and `--verify` called it whole."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    (tmp_path / "dnc/records.jsonl").mkdir(parents=True)  # root reads past missing rights, but never a folder
+    assert run_with(arguments) == 9
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "records.jsonl: the record of jobs cannot be read: Is a directory; check its rights" in captured.err
