@@ -11,6 +11,8 @@ from planner.surface.patch import NurbsPatch
 
 Array = NDArray[np.float64]
 
+_NEXT_AXIS = np.array([1, 2, 0])
+
 
 @dataclass(frozen=True, slots=True)
 class OffsetPoints:
@@ -83,13 +85,15 @@ class OffsetSurface:
 
 def cross_product(left: Array, right: Array) -> Array:
     """Cross products of columns: (3, m) x (3, m), without the axis shuffling of np.cross."""
-    found = np.empty_like(left)
-    for row, (this, that) in enumerate(((1, 2), (2, 0), (0, 1))):
-        np.multiply(left[this], right[that], out=found[row])
-        found[row] -= left[that] * right[this]
-    return found
+    found = left * right.take(_NEXT_AXIS, 0)
+    found -= left.take(_NEXT_AXIS, 0) * right
+    return found.take(_NEXT_AXIS, 0)
 
 
 def dot(left: Array, right: Array) -> Array:
     """Scalar products of columns: (3, m), (3, m) -> (m,)."""
-    return np.asarray(left[0] * right[0] + left[1] * right[1] + left[2] * right[2])
+    products = left * right
+    total: Array = products[0]
+    total += products[1]
+    total += products[2]
+    return total
