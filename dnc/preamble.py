@@ -7,7 +7,7 @@ dwell, X and Y, coolant, rapid down to the clearance, feed down into the cut.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from planner.gcode import decimal_text, rounded_units, units_above
 from sim.interpreter.mapping import mapping_of
@@ -38,6 +38,10 @@ class Heights:
         """Whether this height is at or above the clearance."""
         return z_mm >= self.clearance_z_mm - self.touch_mm
 
+    def above(self, lift_mm: float) -> Heights:
+        """The same heights, so much higher."""
+        return replace(self, safe_z_mm=self.safe_z_mm + lift_mm, clearance_z_mm=self.clearance_z_mm + lift_mm)
+
 
 @dataclass(frozen=True, slots=True)
 class Spelling:
@@ -63,8 +67,19 @@ class Spelling:
         return [f"{name}{self.length(value)}" for name, value in zip("XYZ", values_mm, strict=True) if value]
 
 
-def preamble_blocks(state: State, heights: Heights, settings: Settings) -> Iterator[str]:
-    """The blocks in their order of safety, in the unit of the program; the frame must be a shift."""
+def lift_of(state: State) -> float:
+    """How much higher than the job's, mm, heights must be in a frame that lowers Z: the part does not sink with it."""
+    return max(0.0, -state.frame.shift[2])
+
+
+def preamble_blocks(
+    state: State, heights: Heights, settings: Settings, untold: frozenset[int] = frozenset()
+) -> Iterator[str]:
+    """The blocks in their order of safety, in the unit of the program; the frame must be a shift.
+
+    Axes that are `untold` stay where they stand; the block behind the preamble moves them.
+    """
+    heights = heights.above(lift_of(state))
     spelling = Spelling(INCH_MM if state.is_inch else 1.0, heights.decimals)
     x, y, z = mapping_of(state, settings, is_suppressed=False).inverse_point(state.position_mm)
     yield f"G17 G40 G60 {unit_code(is_inch=state.is_inch)} G90 G94"
@@ -77,7 +92,11 @@ def preamble_blocks(state: State, heights: Heights, settings: Settings) -> Itera
     yield from _spindle_blocks(state, spelling)
     if state.spindle_direction and heights.dwell_s > 0.0:
         yield f"G4 F{spelling.number(heights.dwell_s)}"
-    yield f"G0 X{spelling.length(x)} Y{spelling.length(y)}"
+    aside = [
+        f"{name}{spelling.length(at)}" for axis, (name, at) in enumerate((("X", x), ("Y", y))) if axis not in untold
+    ]
+    if aside:
+        yield " ".join(["G0", *aside])
     yield from (code for code, is_on in (("M8", state.is_flood), ("M7", state.is_mist)) if is_on)
     if not heights.is_clear(z):
         yield f"G0 Z{spelling.height(heights.clearance_z_mm)}"

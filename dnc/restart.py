@@ -7,22 +7,26 @@ naming the nearest block before it that can be restored.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from dnc.errors import InputRejected
-from dnc.preamble import SPLINES, Heights, Spelling, preamble_blocks, unit_code
+from dnc.preamble import SPLINES, Heights, Spelling, lift_of, preamble_blocks, unit_code
+from dnc.whereabouts import Whereabouts, dimensions, names
 from planner.gcode import GROUP_OF, Block, ModalGroup, SyntaxProblem, code_of, read_block, value_text
 from sim.interpreter import canon
+from sim.interpreter.frames import ORIGIN
 from sim.interpreter.mapping import mapping_of
 from sim.interpreter.run import Interpreter, interpret
 from sim.interpreter.settings import Settings
 from sim.interpreter.state import INCH_MM, State
 
 _OPTIONAL = re.compile(rb"^[ \t\r]*(?:[N:][ \t]*\d+[ \t]*)?/", re.MULTILINE | re.IGNORECASE)
-_NO_DIMENSIONS = frozenset({ModalGroup.FRAME, ModalGroup.SUPPRESSION, ModalGroup.ONE_SHOT})
-"""Codes in whose blocks X, Y and Z are no places in the program's own coordinates."""
 _GEOMETRY = frozenset({"X", "Y", "Z", "PO"})
+_PARAMETER = re.compile(rb"(?<![A-Z_])R[ \t]*[\d\[]", re.IGNORECASE)
+_STAYING = frozenset({"G", "M", "S", "T", "D", "F", "H", "MSG"})
+"""Addresses of blocks that surely move nothing where no code of _ELSEWHERE stands beside them."""
+_ELSEWHERE = frozenset({ModalGroup.FRAME, ModalGroup.SUPPRESSION, ModalGroup.ONE_SHOT})
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +35,7 @@ class RestartPoint:
 
     `line` counts from 1, `offset_bytes` is where the block begins in the program, `position_mm` where the tool must
     stand when it begins (canonical work coordinates). `preamble` are blocks without line ends. `is_inch` is the unit of
-    the program at this place.
+    the program at this place, `lift_mm` what heights are above the job's here.
     """
 
     line: int
@@ -40,6 +44,7 @@ class RestartPoint:
     position_mm: canon.Vector
     preamble: tuple[str, ...]
     is_inch: bool
+    lift_mm: float = 0.0
 
     def spelling(self, heights: Heights) -> Spelling:
         """How numbers are written here."""
@@ -53,7 +58,10 @@ class RestartPoint:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """A block and what stands before it: the state, R parameters by number, and why no restart can begin here."""
+    """A block and what stands before it: the state, R parameters by number, and why no restart can begin here.
+
+    `untold` are the axes that stand where the operator left them.
+    """
 
     line: int
     number: int | None
@@ -61,6 +69,7 @@ class _Place:
     state: State
     parameters: dict[int, float]
     obstacle: str | None
+    untold: frozenset[int]
 
 
 def restart_at_number(data: bytes, number: int, heights: Heights, settings: Settings | None = None) -> RestartPoint:
@@ -71,14 +80,14 @@ def restart_at_number(data: bytes, number: int, heights: Heights, settings: Sett
     if len(found) > 1:
         what = f"N{number} stands {len(found)} times"
         raise InputRejected(what, remedy="name a line instead, or the number of a pass start")
-    return _restart(data, found[0], heights, settings)
+    return _restart_after_stop(data, found[0], heights, settings or Settings())
 
 
 def restart_at_line(data: bytes, line: int, heights: Heights, settings: Settings | None = None) -> RestartPoint:
     """The restart before physical line `line`; raises InputRejected if it is not there or cannot be restored."""
     for place in _places(data, settings):
         if place.line == line:
-            return _restart(data, place, heights, settings)
+            return _restart_after_stop(data, place, heights, settings or Settings())
     raise _unreachable(f"line {line}", data, settings)
 
 
@@ -87,28 +96,46 @@ def clear_points(data: bytes, heights: Heights, settings: Settings | None = None
     used = settings or Settings()
     was_clear = False
     for place in _places(data, settings):
-        is_clear = _is_clear(place, heights, used) and _obstacle_at(data, place) is None
+        is_clear = _is_pass_end(place, heights, used) and _obstacle_at(data, place, heights, used) is None
         if is_clear and not was_clear:
-            yield _restart(data, place, heights, settings)
+            yield _restart(data, place, heights, used)
         was_clear = is_clear
 
 
-def _is_clear(place: _Place, heights: Heights, settings: Settings) -> bool:
+def why_none_is_clear(
+    data: bytes, between_bytes: tuple[int, int], heights: Heights, settings: Settings | None = None
+) -> str | None:
+    """Why the last place that stands clear between these two offsets is no clear point; None if there is none."""
+    used, why = settings or Settings(), None
+    for place in _places(data, settings):
+        if between_bytes[0] < place.offset_bytes <= between_bytes[1] and _is_pass_end(place, heights, used):
+            obstacle = _obstacle_at(data, place, heights, used)
+            why = why if obstacle is None else f"line {place.line}: {obstacle}"
+    return why
+
+
+def _is_pass_end(place: _Place, heights: Heights, settings: Settings) -> bool:
     state = place.state
-    if not (state.tool or state.tool_name) or state.motion != "G0":
-        return False
-    height_mm = mapping_of(state, settings, is_suppressed=False).inverse_point(state.position_mm)[2]
-    return heights.is_clear(height_mm)
+    return bool(state.tool or state.tool_name) and state.motion == "G0" and _is_clear(state, heights, settings)
 
 
-def last_safe_line(data: bytes, line: int, settings: Settings | None = None) -> int | None:
-    """The last line up to `line` at which a restart can be computed and the tool is not in a spline, or None."""
+def _is_clear(state: State, heights: Heights, settings: Settings) -> bool:
+    height_mm = _programmed(state, settings)[2]
+    return heights.above(lift_of(state)).is_clear(height_mm)
+
+
+def _programmed(state: State, settings: Settings) -> canon.Vector:
+    """Where the axes stand in the program's coordinates, mm."""
+    return mapping_of(state, settings, is_suppressed=False).inverse_point(state.position_mm)
+
+
+def _last_safe_line(data: bytes, line: int, heights: Heights, settings: Settings) -> int | None:
+    """The last line up to `line` at which a restart can be computed, or None."""
     safe: int | None = None
     for place in _places(data, settings):
         if place.line > line:
             break
-        is_armed = place.state.tool or place.state.tool_name
-        if is_armed and _obstacle_at(data, place) is None:
+        if _obstacle_at(data, place, heights, settings) is None:
             safe = place.line
     return safe
 
@@ -132,40 +159,88 @@ def _unreachable(what: str, data: bytes, settings: Settings | None) -> InputReje
     return InputRejected(f"the program has no {what}", remedy="name a line instead, or the number of a pass start")
 
 
-def _restart(data: bytes, place: _Place, heights: Heights, settings: Settings | None) -> RestartPoint:
-    state, obstacle = place.state, _obstacle_at(data, place)
+def _restart(data: bytes, place: _Place, heights: Heights, settings: Settings) -> RestartPoint:
+    state, obstacle = place.state, _obstacle_at(data, place, heights, settings)
     if obstacle is not None:
-        safe = last_safe_line(data, place.line, settings)
+        safe = _last_safe_line(data, place.line, heights, settings)
         remedy = f"restart at line {safe}" if safe is not None else "run the program from its start"
         raise InputRejected(f"line {place.line}: {obstacle}", remedy=remedy)
     parameters = [f"R{number}={value_text(value)}" for number, value in sorted(place.parameters.items())]
-    preamble = (*parameters, *preamble_blocks(state, heights, settings or Settings()))
-    return RestartPoint(place.line, place.number, place.offset_bytes, state.position_mm, preamble, state.is_inch)
+    preamble = (*parameters, *preamble_blocks(state, heights, settings, place.untold))
+    return RestartPoint(
+        place.line, place.number, place.offset_bytes, state.position_mm, preamble, state.is_inch, lift_of(state)
+    )
 
 
-def _obstacle_at(data: bytes, place: _Place) -> str | None:
-    """Why no restart can begin at this place: what stands before it, or a first move that takes up a direction."""
+def _restart_after_stop(data: bytes, place: _Place, heights: Heights, settings: Settings) -> RestartPoint:
+    """As `_restart`, where the program has run on from this place before and may have left other R parameters."""
+    point = _restart(data, place, heights, settings)
+    lost = _changed_by_the_first_run(data, place, settings)
+    if lost is not None:
+        what = f"line {place.line}: {lost} is read behind it before the program sets it, and may be changed by now"
+        raise InputRejected(what, remedy=f"set {lost} by hand to what it was, and run the program from its start")
+    return point
+
+
+def _changed_by_the_first_run(data: bytes, place: _Place, settings: Settings) -> str | None:
+    """An R parameter that was the control's own until this place, is read behind it and set behind that, or None."""
+    if _PARAMETER.search(data, place.offset_bytes) is None:
+        return None
+    interpreter = Interpreter(settings)
+    for line, raw in enumerate(_lines(data), 1):
+        interpreter.block(raw.rstrip(b"\r\n"), line)
+    variables = interpreter.variables
+    return min((name for name in variables.unset_read if int(name[1:]) in variables.r), default=None)
+
+
+def _obstacle_at(data: bytes, place: _Place, heights: Heights, settings: Settings) -> str | None:
+    """Why no restart can begin at this place: what stands before it, or a first move that needs what went before."""
     if place.obstacle is not None:
         return place.obstacle
-    motion, start = place.state.motion, place.state.spline_start
-    offset = place.offset_bytes
-    while offset < len(data):
-        stop = data.find(b"\n", offset) + 1 or len(data)
-        block = _read(data[offset:stop])
-        offset = stop
+    state = place.state
+    motion, start, dimension = state.motion, state.spline_start, state.dimension
+    is_told, is_sure = not place.untold, 2 not in place.untold and _is_clear(state, heights, settings)
+    standing = _programmed(state, settings)
+    for raw in _lines(data, place.offset_bytes):
+        block = _read(raw)
         codes = {GROUP_OF.get(code): code for code in map(code_of, block.words if block else ()) if code}
         motion = codes.get(ModalGroup.MOTION, motion)
         start = codes.get(ModalGroup.SPLINE_START, start)
-        if block and ModalGroup.FRAME not in codes and any(word.address in _GEOMETRY for word in block.words):
+        dimension = codes.get(ModalGroup.DIMENSION, dimension)
+        if block is None or ModalGroup.FRAME in codes or all(word.address not in _GEOMETRY for word in block.words):
+            is_sure = is_sure and block is not None and _stays(block, codes)
+            continue
+        if motion == "CT" or (motion in ("ASPLINE", "CSPLINE") and start == "BTAN"):
+            return f"{motion} takes its direction from the move before"
+        is_sure = is_sure and block.skip_level is None and _ELSEWHERE.isdisjoint(codes)
+        is_told = is_told or (is_sure and (motion, dimension) == ("G0", "G90") and place.untold <= dimensions(block))
+        is_sure = False
+        if motion not in ("G0", "G1") or _moves_surely(block, dimension, standing, is_inch=state.is_inch):
             break
-    if motion == "CT" or (motion in ("ASPLINE", "CSPLINE") and start == "BTAN"):
-        return f"{motion} takes its direction from the move before"
-    return None
+    return None if is_told else f"where {names(place.untold)} stands is not said before, and only the control knows it"
+
+
+def _moves_surely(block: Block, dimension: str, standing_mm: canon.Vector, *, is_inch: bool) -> bool:
+    """Whether a straight block leads elsewhere than where the axes stand, which gives what follows a direction."""
+    unit_mm = INCH_MM if is_inch else 1.0
+    before_mm = standing_mm if dimension == "G90" else ORIGIN
+    named = {word.address: word.value for word in block.words if isinstance(word.value, float)}
+    return any(
+        abs(named.get(name, at / unit_mm) * unit_mm - at) > 1e-9 for name, at in zip("XYZ", before_mm, strict=True)
+    )
+
+
+def _stays(block: Block, codes: Mapping[ModalGroup | None, str]) -> bool:
+    """Whether this block surely moves nothing and is followed by the next."""
+    is_known = all(word.address in _STAYING or word.address in GROUP_OF for word in block.words)
+    return block.statement is None and is_known and (_ELSEWHERE.isdisjoint(codes) or "G4" in codes.values())
 
 
 def _obstacle(interpreter: Interpreter) -> str | None:
     """Why a restart cannot begin before the next block, or None."""
     state = interpreter.modal
+    if not (state.tool or state.tool_name):
+        return "no tool is called before, and another than the first run's may be in the spindle"
     if interpreter.is_in_structure:
         return "IF, a loop or a jump is open, which does not end well without its beginning"
     if interpreter.variables.globals:
@@ -182,68 +257,32 @@ def _obstacle(interpreter: Interpreter) -> str | None:
         return "a tool's name has letters that the preamble cannot write"
     if not state.frame.is_identity_matrix:
         return "a frame turns, scales or mirrors, which the preamble cannot restore"
+    if state.spindle_direction and not state.spindle_rpm:
+        return "the spindle turns at a speed that the program does not name (S)"
     return None
-
-
-class _Whereabouts:
-    """Which axes stand where only the control can tell: it alone knows its work offsets.
-
-    Those are axes that were moved in machine coordinates (SUPA, G53, reference points) or before the work offset
-    changed, until a dimension in the program's own coordinates moves them again.
-    """
-
-    def __init__(self) -> None:
-        self._moved: set[int] = set()
-        self._unsure: set[int] = set()
-
-    @property
-    def obstacle(self) -> str | None:
-        """Why no restart can begin here, or None."""
-        if not self._unsure:
-            return None
-        axes = ", ".join("XYZ"[axis] for axis in sorted(self._unsure))
-        return f"where {axes} stands depends on work offsets that only the control knows (SUPA, G53, another offset)"
-
-    def note(self, block: Block | None, commands: Iterable[canon.Command], offset_before: str, after: State) -> None:
-        """A block, None where it was not surely run; what it commanded; the work offset before, the state behind it."""
-        if after.work_offset != offset_before:
-            self._unsure |= self._moved
-        for one in commands:
-            if isinstance(one, canon.Motion):
-                axes = {axis for axis in range(3) if one.start[axis] != one.end[axis]}
-                self._moved |= axes
-                self._unsure |= axes if isinstance(one, canon.Rapid) and one.is_machine else set()
-        groups = {GROUP_OF.get(code) for code in map(code_of, block.words if block else ()) if code}
-        if block is None or not groups.isdisjoint(_NO_DIMENSIONS):
-            return
-        named = {word.address: word.value for word in block.words}
-        self._moved |= {axis for axis, name in enumerate("XYZ") if name in named}
-        if after.dimension == "G90":  # an expression may be IC()
-            self._unsure -= {axis for axis, name in enumerate("XYZ") if isinstance(named.get(name), float)}
 
 
 def _places(data: bytes, settings: Settings | None) -> Iterator[_Place]:
     """Every line with the state before it, until the control would stop."""
-    interpreter, whereabouts = Interpreter(settings), _Whereabouts()
-    are_offsets_known = settings is not None and bool(settings.work_offsets_mm)
+    interpreter = Interpreter(settings)
+    whereabouts = Whereabouts(are_offsets_known=settings is not None and bool(settings.work_offsets_mm))
     offset = 0
     for line, raw in enumerate(_lines(data), 1):
         state = interpreter.state
         if state.is_ended:
             return
         parameters = dict(interpreter.variables.r)
-        obstacle = _obstacle(interpreter) or (None if are_offsets_known else whereabouts.obstacle)
+        obstacle = _obstacle(interpreter) or whereabouts.obstacle
         block = _read(raw)
-        yield _Place(line, block.number if block else None, offset, state, parameters, obstacle)
+        yield _Place(line, block.number if block else None, offset, state, parameters, obstacle, whereabouts.untold)
         commands = interpreter.block(raw.rstrip(b"\r\n"), line)
-        is_run = not interpreter.is_in_structure
-        whereabouts.note(block if is_run else None, commands, state.work_offset, interpreter.modal)
+        is_run, after = not interpreter.is_in_structure, interpreter.modal
+        whereabouts.note(block, commands, state.work_offset, after, interpreter.variables, is_run=is_run)
         offset += len(raw)
 
 
-def _lines(data: bytes) -> Iterator[bytes]:
-    """Lines with their ends, as the control takes them: LF ends a block."""
-    start = 0
+def _lines(data: bytes, start: int = 0) -> Iterator[bytes]:
+    """Lines with their ends from this offset on, as the control takes them: LF ends a block."""
     while start < len(data):
         stop = data.find(b"\n", start) + 1 or len(data)
         yield data[start:stop]

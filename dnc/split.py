@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dnc.errors import InputRejected
 from dnc.preamble import Heights, retract_blocks
-from dnc.restart import RestartPoint, clear_points
+from dnc.restart import RestartPoint, clear_points, why_none_is_clear
 from sim.interpreter import canon
 from sim.interpreter.alarms import AlarmNumber
 from sim.interpreter.run import interpret
@@ -62,13 +62,19 @@ def _cut(data: bytes, most_bytes: int, heights: Heights, settings: Settings | No
             None,
         )
         if end is None:
-            raise InputRejected(
-                f"the blocks from line {first_line} on do not fit into {most_bytes} bytes up to the next clear place",
-                remedy="allow larger parts, or plan with a coarser tolerance",
-            )
+            why = why_none_is_clear(data, (body_at, body_at + room), heights, settings)
+            raise _too_large(first_line, most_bytes, why)
         body = data[body_at : end.offset_bytes] + _closing(heights, end)
         parts.append(Part(opening + body, first_line, end.line - 1))
         begin = end
+
+
+def _too_large(first_line: int, most_bytes: int, why: str | None) -> InputRejected:
+    """No place to cut within reach; `why` the last one that stands clear is none."""
+    what = f"the blocks from line {first_line} on do not fit into {most_bytes} bytes up to the next clear place"
+    if why is not None:
+        return InputRejected(f"{what}; {why}", remedy="allow larger parts, or mend that")
+    return InputRejected(what, remedy="allow larger parts, or plan with a coarser tolerance")
 
 
 def _require_jumps(data: bytes, parts: list[Part], settings: Settings | None) -> None:
@@ -110,6 +116,6 @@ def _opening(data: bytes, begin: RestartPoint | None, number: int) -> tuple[byte
 def _closing(heights: Heights, end: RestartPoint) -> bytes:
     """How a part ends: up, coolant and spindle off, away, end."""
     spelling = end.spelling(heights)
-    up = f"G0 Z{spelling.height(heights.safe_z_mm)}"
+    up = f"G0 Z{spelling.height(heights.above(end.lift_mm).safe_z_mm)}"
     blocks = [f"G40 {end.unit_code} G90", up, "M9", "M5", *retract_blocks(heights, spelling), "M30"]
     return "".join(f"{block}\n" for block in blocks).encode("ascii")

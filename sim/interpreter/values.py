@@ -25,13 +25,19 @@ class Cell:
 
 @dataclass(slots=True)
 class Variables:
-    """R parameters and the variables in sight; `system` reads names that begin with $."""
+    """R parameters and the variables in sight; `system` reads names that begin with $.
+
+    `unset_read` are R parameters that were read before anything set them, `system_read` the names that were read with
+    $: a control may give other values for both.
+    """
 
     r_count: int
     system: Callable[[str, tuple[Value, ...]], Value]
     r: dict[int, float] = field(default_factory=dict)
     globals: dict[str, Cell] = field(default_factory=dict)
     scopes: list[dict[str, Cell]] = field(default_factory=list)
+    unset_read: set[str] = field(default_factory=set)
+    system_read: set[str] = field(default_factory=set)
 
     def find(self, name: str) -> Cell | None:
         """The variable of this name: of the running subprogram, else of the main program."""
@@ -43,8 +49,11 @@ class Variables:
         """The value of R parameter, system variable or defined variable; ControlAlarm where there is none."""
         number = self._r_number(name, indices)
         if number is not None:
+            if number not in self.r:
+                self.unset_read.add(f"R{number}")
             return self.r.get(number, 0.0)
         if name.startswith("$"):
+            self.system_read.add(name)
             return self.system(name, indices)
         if name in ("TRUE", "FALSE"):
             return 1.0 if name == "TRUE" else 0.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import math
 import random
 import re
@@ -82,6 +84,12 @@ def test_a_place_behind_an_alarm_is_refused_with_the_alarm() -> None:
         ("G1 X10 F250\nG0 SUPA Z400\n@G0 X20 Y9\nZ50\n", "where Z stands depends on work offsets"),
         ("G1 X10 Y-2 F250\nG0 Z50\nG54 G0 X20\nZ12\n@G1 Z1\n", "where Y stands depends on work offsets"),
         ("G1 X10 F250\nG0 Z50\nG53 G0 X0 Y0\nG91 X5\n@G90 X20 Y9\n", "where X, Y stands depends on work offsets"),
+        ("SUPA G1 X3\n@Y9\n", "where X stands depends on work offsets"),
+        ("G75 X1=0\n@Y9\n", "where X stands depends on work offsets"),
+        ("G1 Z=R10 F80\n@X20\n", "reads R10 before, and only the control knows"),
+        ("R1=$AA_IM[Z]\n@G1 X20\n", r"reads \$AA_IM before"),
+        ("S0\n@G1 X20\nS500\n", "turns at a speed that the program does not name"),
+        ("X10\n@X10\nCT X15 Y5\n", "CT takes its direction"),
     ],
 )
 def test_places_that_cannot_be_restored_are_refused_with_a_better_one(middle: str, words: str) -> None:
@@ -111,6 +119,57 @@ def test_dimensions_in_the_new_offset_say_where_the_axes_stand() -> None:
     branch = blocks.replace("G0 X10 Y-2\n", "IF R1\nG0 X10 Y-2\nENDIF\n")
     with pytest.raises(InputRejected, match="where X, Y stands"):
         restart_at_line(branch.encode(), line + 3, HEIGHTS)
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        (HEAD.replace("T2 M6\n", ""), "no tool is called before"),
+        (HEAD.replace("G55\n", ""), "no work offset is named before"),
+        (HEAD.replace("G0 X0 Y0", "G0 X0"), "where Y stands is not said before"),
+        (HEAD.replace("G0 X0 Y0\nZ10", "G91 G0 X5\nG90 Y0"), "where X stands is not said before"),
+        (HEAD.replace("G0 Z50\n", "G91 G0 Z5\nG90\n").replace("Z10\n", "Z=IC(-3)\n"), "where Z stands is not said"),
+    ],
+)
+def test_what_the_program_leaves_to_the_operator_is_not_guessed(head: str, words: str) -> None:
+    """(6.8) Tool, work offset and axes of which nothing is said before are those of the control, not 0 and G500."""
+    data = (head + "G1 X10 F250\nX20\nG0 Z50\nM30\n").encode()
+    assert restart_at_line((HEAD + "G1 X10 F250\nX20\nG0 Z50\nM30\n").encode(), HEAD.count("\n") + 1, HEIGHTS)
+    with pytest.raises(InputRejected, match=words):
+        restart_at_line(data, head.count("\n") + 1, HEIGHTS)
+
+
+def test_axes_stay_where_they_stand_until_the_first_rapid_moves_them() -> None:
+    """(6.8) Before the first pass X and Y are the operator's: the preamble went to X0 Y0 of the program."""
+    head, behind = HEAD.removesuffix("G0 X0 Y0\nZ10\n"), "N1 G0 X7 Y8\nZ10\nG1 Z1 F100\nX10\nG0 Z50\nM30\n"
+    line = head.count("\n") + 1
+    preamble = restart_at_line((head + behind).encode(), line, HEIGHTS).preamble
+    assert not [block for block in preamble if "X" in block and block.startswith("G0")]
+    assert [block for block in preamble if block.startswith("G0 Z")] == ["G0 Z50", "G0 Z50"]
+    for other in ("N1 G0 X7\n", "N1 G1 X7 Y8 F100\n", "N1 G91 G0 X7 Y8\n", "/N1 G0 X7 Y8\n", "N1 SUPA G0 X7 Y8\n"):
+        with pytest.raises(InputRejected, match="where X, Y stands is not said before"):
+            restart_at_line((head + behind.replace("N1 G0 X7 Y8\n", other)).encode(), line, HEIGHTS)
+
+
+def test_a_parameter_that_the_first_run_has_changed_is_no_place_to_restart() -> None:
+    """(6.8) R1 was the control's own at the place; the stopped run has counted it up since."""
+    data = (HEAD + "G1 Z1 F100\nX10\nX=R1\nR1=R1+1\nG0 Z50\nM30\n").encode()
+    line = HEAD.count("\n") + 2
+    with pytest.raises(InputRejected, match="R1 is read behind it before the program sets it"):
+        restart_at_line(data, line, HEIGHTS)
+    assert restart_at_line(data.replace(b"R1=R1+1\n", b""), line, HEIGHTS)
+    assert restart_at_line(b"R1=3\n" + data, line + 1, HEIGHTS)
+
+
+def test_heights_do_not_sink_with_a_frame_that_lowers_z() -> None:
+    """(6.8) Under TRANS Z-40 the preamble went aside 40 mm below the safe height of the job, through the part."""
+    data = (HEAD.replace("Z3", "Z-40") + "G1 Z1 F100\nX10\nX20\nG0 Z50\nM30\n").encode()
+    commands, before = run_from(data, restart_at_line(data, HEAD.count("\n") + 3, HEIGHTS))
+    moves = [one for one in commands[:before] if isinstance(one, (canon.Rapid, canon.Line))]
+    aside = [one for one in moves if one.start[:2] != one.end[:2]]
+    assert [one.start[2] for one in aside] == [HEIGHTS.safe_z_mm]
+    assert min(one.end[2] for one in moves if isinstance(one, canon.Rapid)) == HEIGHTS.clearance_z_mm
+    assert moves[-1].end[2] == 1.0 - 40.0
 
 
 def test_before_a_tool_is_called_no_line_is_named() -> None:
@@ -200,7 +259,7 @@ def test_whatever_came_before_the_rest_of_a_program_is_the_same_after_a_restart(
     data = "".join(f"{line}\n" for line in lines).encode()
     whole = list(interpret(data, settings))
     restarts = 0
-    for number in range(8, len(lines) + 1):
+    for number in range(9, len(lines) + 1):
         try:
             point = restart_at_line(data, number, HEIGHTS, settings)
         except InputRejected:
@@ -215,10 +274,33 @@ def test_whatever_came_before_the_rest_of_a_program_is_the_same_after_a_restart(
     assert restarts > 0
 
 
+@pytest.mark.parametrize("seed", range(20, 25))
+def test_a_restart_holds_on_a_machine_whose_offsets_and_places_are_its_own(seed: int) -> None:
+    """(6.8) Work offsets, where the axes began, R parameters and reference points are the control's: none is taken."""
+    chance = random.Random(seed)
+    known = Settings(tools={number: Tool(2.0) for number in range(4)})
+    machine = dataclasses.replace(
+        known,
+        start_mm=(chance.uniform(-50, 50), chance.uniform(-50, 50), 300.0),
+        work_offsets_mm={f"G{number}": (chance.uniform(-9, 9), 7.0, chance.uniform(-9, 9)) for number in (54, 55)},
+        reference_point_mm=(11.0, 12.0, 13.0),
+    )
+    lines = _lines_by_chance(chance, machine)
+    data = "".join(f"{line}\n" for line in lines).encode()
+    whole = list(interpret(data, machine))
+    for number in range(2, len(lines) + 1):
+        with contextlib.suppress(InputRejected):
+            commands, before = run_from(data, restart_at_line(data, number, HEIGHTS, known), machine)
+            rest = [one for one in whole if one.line >= number]
+            assert len(commands) - before == len(rest), (number, lines)
+            for new, old in zip(commands[before:], rest, strict=True):
+                assert _is_same(new, old), (number, lines, new, old)
+
+
 def _lines_by_chance(chance: random.Random, settings: Settings) -> list[str]:
     """A program of 25 blocks by chance that the control accepts."""
-    lines = ["G17 G90 G71 G94", "G54", "T1 M6", "D1", "S1000 M3", "G0 X0 Y0 Z12", "G1 Z1 F100"]
-    while len(lines) < 32:
+    lines = ["R1=1 R2=2", "G17 G90 G71 G94", "G54", "T1 M6", "D1", "S1000 M3", "G0 X0 Y0 Z12", "G1 Z1 F100"]
+    while len(lines) < 33:
         tried = [*lines, chance.choice(LASTING)]
         text = "".join(f"{line}\n" for line in [*tried, "M30"])
         is_short_spline = "SPLINE" in tried[-1]

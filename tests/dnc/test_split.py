@@ -103,6 +103,22 @@ def test_what_fits_stays_whole() -> None:
     assert [part.data for part in split_program(data, len(data), HEIGHTS)] == [data]
 
 
+def test_a_part_ends_as_high_as_the_job_says_under_a_frame_that_lowers_z() -> None:
+    """(6.8) Z50 of a frame that lies 40 mm lower is no safe height to go away at."""
+    passes = "".join(f"G0 Z50\nG0 X{x} Y0\nG1 Z-1 F100\nX{x + 1}\n" for x in range(12))
+    data = f"G54\nT2 M6\nD1\nS1000 M3\nG0 Z60\nX0 Y0\nTRANS Z-40\n{passes}G0 Z90\nM30\n".encode()
+    parts = split_program(data, 400, HEIGHTS)
+    assert len(parts) > 1
+    assert b"\nG0 Z90\nM9\nM5\n" in parts[0].data
+
+
+def test_why_no_place_is_one_to_cut_at_is_told() -> None:
+    """(6.8)"""
+    data = program().replace(b"G54", b"R2=R1+1\nG54")
+    with pytest.raises(InputRejected, match=r"next clear place; line \d+: the program reads R1 before"):
+        split_program(data, 900, HEIGHTS)
+
+
 def test_a_pass_too_long_is_refused() -> None:
     with pytest.raises(InputRejected, match="do not fit into 300 bytes"):
         split_program(program(), 300, HEIGHTS)
