@@ -14,6 +14,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from dnc.errors import PortLost
 from dnc.port import Port
 from dnc.priority import LATENCY_WISH, WAKES_WITHIN_US, may_go_first
 
@@ -62,22 +63,29 @@ def _rights(root: Path, devices: list[str]) -> Finding:
     return Finding("rights", False, "this user is not in dialout", "sudo usermod -aG dialout $USER, then log in again")
 
 
+def _said_in(file: Path) -> str:
+    """What such a file says, whatever its bytes; nothing where it cannot be read, as when its device has just gone."""
+    try:
+        return file.read_text(encoding="latin-1").strip()
+    except OSError:
+        return ""
+
+
 def _modem_manager(root: Path) -> Finding:
     text = "ModemManager runs and may write to a port that has just been plugged in"
     for comm in (root / "proc").glob("[0-9]*/comm"):
-        with contextlib.suppress(OSError):
-            if comm.read_text().strip() == "ModemManager":
-                return Finding("modem-manager", False, text, "sudo systemctl disable --now ModemManager")
+        if _said_in(comm) == "ModemManager":
+            return Finding("modem-manager", False, text, "sudo systemctl disable --now ModemManager")
     return Finding("modem-manager", True, "no ModemManager")
 
 
 def _autosuspend(root: Path, devices: list[str]) -> list[Finding]:
     findings = []
     for name in devices:
-        for folder in (root / "sys/class/tty" / name / "device").resolve().parents:
+        for folder in Path(os.path.realpath(root / "sys/class/tty" / name / "device")).parents:
             control = folder / "power/control"
-            if control.is_file() and (folder / "idVendor").is_file():
-                is_good = control.read_text().strip() == "on"
+            if (says := _said_in(control)) and (folder / "idVendor").is_file():
+                is_good = says == "on"
                 remedy = "" if is_good else f"echo on | sudo tee {control}"
                 words = "stays awake" if is_good else "may be put to sleep by USB power saving"
                 findings.append(Finding("autosuspend", is_good, f"{name} {words}", remedy))
@@ -89,8 +97,8 @@ def _latency_timers(root: Path, devices: list[str]) -> list[Finding]:
     findings = []
     for name in devices:
         timer = root / "sys/class/tty" / name / "device/latency_timer"
-        with contextlib.suppress(OSError, ValueError):
-            latency_ms = int(timer.read_text())
+        with contextlib.suppress(ValueError):
+            latency_ms = int(_said_in(timer))
             is_good = latency_ms <= _FTDI_LATENCY_MS
             remedy = "" if is_good else f"echo {_FTDI_LATENCY_MS} | sudo tee {timer}"
             findings.append(
@@ -102,8 +110,8 @@ def _latency_timers(root: Path, devices: list[str]) -> list[Finding]:
 def _trigger_levels(root: Path) -> list[Finding]:
     findings = []
     for trigger in sorted((root / "sys/class/tty").glob("ttyS*/rx_trig_bytes")):
-        with contextlib.suppress(OSError, ValueError):
-            level = int(trigger.read_text())
+        with contextlib.suppress(ValueError):
+            level = int(_said_in(trigger))
             is_good = level <= _TRIGGER_BYTES
             remedy = "" if is_good else f"echo {_TRIGGER_BYTES} | sudo tee {trigger}"
             name = trigger.parent.name
@@ -112,12 +120,9 @@ def _trigger_levels(root: Path) -> list[Finding]:
 
 
 def _clock(root: Path) -> Finding:
-    with contextlib.suppress(OSError):
-        source = (root / "sys/devices/system/clocksource/clocksource0/current_clocksource").read_text().strip()
-        if source in ("jiffies", "refined-jiffies"):
-            return Finding(
-                "clock", False, f"the clock source {source} is too coarse to pace bytes", "use another kernel"
-            )
+    source = _said_in(root / "sys/devices/system/clocksource/clocksource0/current_clocksource")
+    if source in ("jiffies", "refined-jiffies"):
+        return Finding("clock", False, f"the clock source {source} is too coarse to pace bytes", "use another kernel")
     resolution_s = time.clock_getres(time.CLOCK_MONOTONIC)
     if resolution_s > 1e-5:
         return Finding(
@@ -131,6 +136,9 @@ def _clock(root: Path) -> Finding:
 def _disk(state: Path) -> Finding:
     folder = state
     while not folder.is_dir() and folder != folder.parent:
+        if folder.exists():
+            text = f"{folder} is a file where a folder is needed: no journal"
+            return Finding("disk", False, text, f"mv {folder} {folder}.old")
         folder = folder.parent
     free = shutil.disk_usage(folder).free
     if not os.access(folder, os.W_OK):
@@ -151,8 +159,8 @@ def _idle_states(root: Path) -> Finding:
     """A processor in a deep idle state hears a stop late; `dnc send` keeps it out of them where it may."""
     slowest_us = 0
     for latency in (root / "sys/devices/system/cpu").glob("cpu[0-9]*/cpuidle/state[0-9]*/latency"):
-        with contextlib.suppress(OSError, ValueError):
-            slowest_us = max(slowest_us, int(latency.read_text()))
+        with contextlib.suppress(ValueError):
+            slowest_us = max(slowest_us, int(_said_in(latency)))
     text = f"an idle processor wakes within {slowest_us} us" if slowest_us else "no slow idle states are known"
     if slowest_us <= _SLOW_WAKING_US:
         return Finding("idle-states", True, text)
@@ -168,11 +176,14 @@ def _idle_states(root: Path) -> Finding:
 def probe_loopback(port: Port, timeout_s: float = 2.0) -> Finding:
     """With a plug that joins TX and RX: what is written must come back, whole and unchanged, DC1 and DC3 included."""
     pattern = bytes(range(0x10, 0x7F)) + b"\x11\x13\x11"
-    port.write(pattern)
     heard, end_s = b"", time.monotonic() + timeout_s
-    while len(heard) < len(pattern) and (left_s := end_s - time.monotonic()) > 0:
-        if select.select([port.fileno()], [], [], left_s)[0]:
-            heard += port.read()
+    try:
+        port.write(pattern)
+        while len(heard) < len(pattern) and (left_s := end_s - time.monotonic()) > 0:
+            if select.select([port.fileno()], [], [], left_s)[0]:
+                heard += port.read()
+    except PortLost as problem:
+        return Finding("loopback", False, str(problem), "plug the adapter in again; if it goes on, another cable")
     if heard == pattern:
         return Finding("loopback", True, f"{len(pattern)} bytes came back unchanged")
     if not heard:

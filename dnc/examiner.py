@@ -52,11 +52,12 @@ class Verdict(Enum):
 def to_and_fro(control: Control, unseen_bytes: int = 0) -> bytes:
     """Moves of 0.01 mm to and fro in X from where the machine stands, three times what the buffer holds.
 
-    So many bytes more may lie in an adapter that obeys XOFF itself.
+    So many bytes more may lie in an adapter that obeys XOFF itself. On a control whose unit is the inch 0.0004 of it.
     """
-    pair = b"G1 X0.01\nG1 X-0.01\n"
+    step, feed = (b"0.0004", b"0.4") if control.units == "inch" else (b"0.01", b"10")
+    pair = b"G1 X%s\nG1 X-%s\n" % (step, step)
     count = (3 * control.receive_buffer_bytes + unseen_bytes) // len(pair) + 50
-    return b"G91 G94 G1 F10\n" + pair * count + b"G90\nM30\n"
+    return b"G91 G94 G1 F%s\n" % feed + pair * count + b"G90\nM30\n"
 
 
 class Examiner:

@@ -32,9 +32,9 @@ class UucpLock:
             try:
                 fd = os.open(self._path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o644)
             except FileExistsError:
-                holder = self._holder()
+                holder = lock_holder(self._path)
                 if holder is not None:
-                    return process_words(holder)
+                    return holder
                 with contextlib.suppress(OSError):
                     self._path.unlink()
                 continue
@@ -53,16 +53,26 @@ class UucpLock:
             with contextlib.suppress(OSError):
                 self._path.unlink()
 
-    def _holder(self) -> int | None:
-        """The living process in the file, or None."""
-        try:
-            pid = int(self._path.read_text(encoding="latin-1").split()[0])
+
+def lock_holder(lock: Path) -> str | None:
+    """Words for the living program that a lock file names, or None; 0 and below are no process, but groups of them.
+
+    What another user's program keeps to itself is taken for alive: two programs on one line mix their bytes.
+    """
+    try:
+        pid = int(lock.read_text(encoding="latin-1").split()[0])
+    except PermissionError:
+        return f"a program of another user (its lock {lock} cannot be read)"
+    except (OSError, ValueError, IndexError):
+        return None
+    try:
+        if pid > 0:
             os.kill(pid, 0)
-        except PermissionError:
-            return pid
-        except (OSError, ValueError, IndexError):
-            return None
-        return pid
+    except PermissionError:
+        return process_words(pid)
+    except (OSError, OverflowError):
+        return None
+    return process_words(pid) if pid > 0 else None
 
 
 def flock_holder(device: Path) -> str:

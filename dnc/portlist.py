@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dnc.events import LinkState
-from dnc.locks import LOCK_FOLDER, flock_holder, lock_name, process_words
+from dnc.locks import LOCK_FOLDER, flock_holder, lock_holder, lock_name
 
 _PORT_BUS = ("port", "ctrl")
 _STABLE = ("by-id", "by-path")
@@ -102,9 +102,8 @@ def _usb_ids(hardware: Path) -> str | None:
 
 
 def _user_of(device: Path) -> str | None:
-    with contextlib.suppress(OSError, ValueError, IndexError):
-        pid = int((LOCK_FOLDER / lock_name(device)).read_text(encoding="latin-1").split()[0])
-        os.kill(pid, 0)
-        return process_words(pid)
+    by_lock = lock_holder(LOCK_FOLDER / lock_name(device))
+    if by_lock is not None:
+        return by_lock
     holder = flock_holder(device)
     return None if holder == "another program" else holder

@@ -20,6 +20,7 @@ from click.testing import CliRunner
 
 from dnc.cli.main import program
 from dnc.doctor import Finding, examine, probe_loopback
+from dnc.errors import PortLost
 from dnc.events import JobState, LinkState
 from dnc.joblist import first_broken_link, past_jobs
 from dnc.journal import Journal, Record
@@ -69,6 +70,49 @@ def test_each_finding_has_its_remedy(tmp_path: Path) -> None:
     assert "latency_timer" in found(findings, "latency-timer").remedy
     assert "rx_trig_bytes" in found(findings, "uart-trigger").remedy
     assert all(finding.remedy for finding in findings if not finding.is_good)
+
+
+def test_odd_words_of_the_system_are_no_fault(tmp_path: Path) -> None:
+    """(5.9) A process name is cut at 15 bytes, inside a letter of two; a device goes while it is looked at."""
+    root = computer(tmp_path / "root", modem_manager=False)
+    (root / "proc/78").mkdir()
+    (root / "proc/78/comm").write_bytes("Maschinenfräse-Überwacher".encode()[:11] + b"\xff\n")
+    (root / "proc/79/comm").mkdir(parents=True)
+    (root / "sys/devices/usb1/1-2/power/control").unlink()
+    (root / "sys/devices/usb1/1-2/power/control").mkdir()
+    (root / "sys/devices/usb1/1-2/1-2:1.0/ttyUSB0/latency_timer").write_bytes(b"\xff\xfe")
+    clock = root / "sys/devices/system/clocksource/clocksource0/current_clocksource"
+    clock.parent.mkdir(parents=True)
+    clock.write_bytes(b"\xe4\n")
+    loop = root / "sys/class/tty/ttyACM0"
+    loop.mkdir()
+    (loop / "device").symlink_to(loop / "device")
+    findings = examine(tmp_path, root)
+    assert found(findings, "modem-manager").is_good
+    assert not [one for one in findings if one.id in ("autosuspend", "latency-timer")]
+
+
+def test_a_file_in_place_of_the_state_folder_is_found(tmp_path: Path) -> None:
+    """(5.9) The doctor was content, and `dnc send` ended with exit code 8."""
+    (tmp_path / "dnc").write_text("")
+    finding = found(examine(tmp_path / "dnc", computer(tmp_path / "root")), "disk")
+    assert not finding.is_good
+    assert finding.remedy == f"mv {tmp_path}/dnc {tmp_path}/dnc.old"
+
+
+def test_a_plug_that_is_pulled_during_the_loopback_is_a_finding() -> None:
+    """(5.9) The findings so far were lost with it."""
+
+    class Gone(SerialPort):
+        def __init__(self) -> None:
+            pass
+
+        def write(self, data: bytes) -> int:
+            raise PortLost("/dev/ttyUSB0 was lost: Input/output error")
+
+    finding = probe_loopback(Gone())
+    assert (finding.is_good, finding.text) == (False, "/dev/ttyUSB0 was lost: Input/output error")
+    assert finding.remedy
 
 
 def test_a_mended_computer_is_well(tmp_path: Path) -> None:

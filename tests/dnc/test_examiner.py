@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from contextlib import closing
 from pathlib import Path
+from typing import Literal
 
+import msgspec
 import pytest
 
 from dnc.errors import PortLost
@@ -14,6 +16,9 @@ from dnc.profile import Control
 from dnc.rules import Rules
 from dnc.sender import Sender
 from dnc.stream import Stream
+from sim.interpreter import canon
+from sim.interpreter.run import interpret
+from sim.interpreter.settings import Settings
 from tests.helpers.broken_port import BrokenPort
 from tests.helpers.line import NoJournal, tape_of
 
@@ -39,3 +44,13 @@ def test_what_an_adapter_takes_that_obeys_xoff_is_no_proof(tmp_path: Path, unsee
         assert examiner._examined(sender) is verdict
         stream.close()
         assert tape.size_bytes > CONTROL.receive_buffer_bytes + unseen_bytes
+
+
+@pytest.mark.parametrize("units", ["mm", "inch"])
+def test_the_moves_are_as_small_as_the_operator_was_told(units: Literal["mm", "inch"]) -> None:
+    """(5.9) 0.01 of an inch is a quarter of a millimetre."""
+    data = to_and_fro(msgspec.structs.replace(CONTROL, units=units))
+    settings = Settings(is_inch=units == "inch", start_mm=(0.0, 0.0, 0.0))
+    cuts = [one for one in interpret(data, settings) if isinstance(one, canon.Line)]
+    assert max(abs(one.end[0]) for one in cuts) == pytest.approx(0.01, abs=0.0002)
+    assert {round(one.feed_mm_min) for one in cuts} == {10}
