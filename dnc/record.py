@@ -21,7 +21,7 @@ from dnc.sender import Sender
 from dnc.tape import Tape
 
 _UNTOLD = (Cause.CONTROL_ALARM, Cause.CONTROL_RESET)
-UNLESS_LOST = "if the control took all that was sent"
+UNLESS_LOST = "if the control took all that was sent and was not switched off since"
 SCHEMA = "dripmill.send"
 VERSION = 1
 _BLOCK_NUMBER = re.compile(rb"^\s*/?\d?\s*([N:]\s*\d+)", re.IGNORECASE)
