@@ -180,18 +180,34 @@ def _text(made: dict[str, Any]) -> str:
         f"SIMULATED  {made['program']}: {made['blocks']} blocks, {int(minutes)} min {seconds:.1f} s",
         *(f"ALARM {alarm['number']} line {alarm['line']}: {alarm['text']}" for alarm in made["alarms"]),
     ]
-    if "scallop_mm" in made:
-        lines += [
-            f"scallop    {made['scallop_mm'] * 1000:9.3f} um{_where(made['worst_scallops'])}",
-            f"gouge      {made['gouge_mm'] * 1000:9.3f} um{_where(made['worst_gouges'])}",
-            f"coverage   {made['coverage'] * 100:9.3f} %  of the surface, {made['probes']} probes",
-        ]
-        if made["inaccessible"] > 0:
-            share = made["inaccessible"] * 100
-            lines.append(
-                f"apart      {share:9.3f} %  of the surface, which this cutter cannot touch without cutting elsewhere"
-            )
-    return "\n".join(lines)
+    return "\n".join([*lines, *_measured(made)] if "scallop_mm" in made else lines)
+
+
+def _measured(made: dict[str, Any]) -> list[str]:
+    """What was measured, one figure a line; a scallop speaks of the covered places only, and says so."""
+    rest = f", {made['probes']} probes"
+    scallop = f"{made['scallop_mm'] * 1000:9.3f} um{_where(made['worst_scallops'])}"
+    if made["coverage"] < 1.0:
+        rest += f"; on all else stands more than {made['reach_mm']:g} mm of material"
+        scallop += ", of the covered places only"
+    if made["coverage"] == 0.0:
+        scallop = "none measured: no place of the surface is covered"
+    lines = [
+        f"scallop    {scallop}",
+        f"gouge      {made['gouge_mm'] * 1000:9.3f} um{_where(made['worst_gouges'])}",
+        f"coverage   {_percent_at_most(made['coverage']):9.3f} %  of the surface{rest}",
+    ]
+    if made["inaccessible"] > 0:
+        lines.append(
+            f"apart      {made['inaccessible'] * 100:9.3f} %  of the surface, which this cutter cannot touch without "
+            "cutting elsewhere"
+        )
+    return lines
+
+
+def _percent_at_most(share: float) -> float:
+    """The share in per cent, cut to the three decimals that are shown: 100 means all."""
+    return int(share * 1e5) / 1e3
 
 
 def _where(places: list[dict[str, Any]]) -> str:

@@ -43,6 +43,21 @@ def test_report_has_the_promised_keys(tmp_path: Path) -> None:
     assert 0.0 < report["coverage"] < 0.2
 
 
+@pytest.mark.parametrize("z_mm", ["3", "30"])
+def test_a_scallop_beside_places_that_were_not_cut_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], z_mm: str
+) -> None:
+    """(1.5) A good scallop stood in the first line of a part that was cut on a strip, 0 um on one that was not cut."""
+    data = PROGRAM.replace(b"G1 Z3", b"G1 Z" + z_mm.encode())
+    _, report = simulate(tmp_path, data, "--job", str(JOB), "--pitch", "0.5")
+    text = capsys.readouterr().out
+    scallop, coverage = (next(line for line in text.splitlines() if line.startswith(at)) for at in ("scall", "cover"))
+    assert coverage.endswith("; on all else stands more than 1 mm of material")
+    assert ("only" in scallop) == (z_mm == "3")
+    assert ("none measured" in scallop) == (z_mm == "30")
+    assert report["coverage"] < 1
+
+
 def test_without_a_job_nothing_is_measured(tmp_path: Path) -> None:
     """(1.5) Time is measured, the surface is not invented."""
     code, report = simulate(tmp_path, PROGRAM)
