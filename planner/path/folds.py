@@ -36,18 +36,21 @@ def walk_out(surface: OffsetSurface, owner: Indices, offsets_mm: Array, nodes: C
         chosen = chosen[is_good[before[chosen]]]
         at, start = open_[chosen], before[chosen]
         if len(at):
-            found, is_reached = _walk(surface, offsets_mm[owner[at]], nodes, start, nodes.points[at, 0])
+            guess = nodes.parameters[start].T
+            found, is_reached = walk(surface, offsets_mm[owner[at]], nodes.points[start, 0], guess, nodes.points[at, 0])
             is_good[at] = is_reached
             _put(nodes, at, found, is_reached)
     return is_good
 
 
-def _walk(
-    surface: OffsetSurface, offsets_mm: Array, nodes: CurveSamples, start: Indices, to_mm: Array
+def walk(
+    surface: OffsetSurface, offsets_mm: Array, from_mm: Array, guess: Array, to_mm: Array
 ) -> tuple[CurveSamples, Flags]:
-    """Solve places w `to_mm` (k,) in short steps from nodes `start` (k,), and say which are reached without a fold."""
-    from_mm, guess = nodes.points[start, 0], nodes.parameters[start].T.copy()
-    is_reached = np.ones(len(start), dtype=bool)
+    """Solve places w `to_mm` (k,) in short steps from places `from_mm` (k,) with parameters (2, k).
+
+    Returns the last samples, and which are reached without a fold.
+    """
+    is_reached = np.ones(len(to_mm), dtype=bool)
     for step in range(1, STEPS + 1):
         w_mm = to_mm if step == STEPS else from_mm + (to_mm - from_mm) * step / STEPS
         found, is_found = solve_on_planes(surface, offsets_mm, w_mm, guess)

@@ -105,11 +105,13 @@ def trace(
     start = seeds.near(np.stack([place, offsets[owner]]))
     nodes, is_found = solve_on_planes(surface, offsets[owner], place, start)
     _find_lost(surface, owner, offsets, nodes, is_found)
-    for turn in range(rounds):
+    for turn in range(rounds + 1):
         is_wide = wide_gaps(owner, nodes.points, nodes.tangents, nodes.curvatures, accuracy_mm=accuracy_mm)
         wide = np.flatnonzero(is_wide)
         if not len(wide):
             break
+        if turn == rounds:
+            raise _never_read(surface, nodes, wide, offsets[owner[wide]])
         if turn == 2 * PATIENCE:
             _find_lost(surface, owner, offsets, nodes, ~np.isin(np.arange(len(owner)), np.append(wide, wide + 1)))
         elif turn >= PATIENCE:
@@ -121,8 +123,6 @@ def trace(
         nodes = nodes.with_more(wide + 1, more)
         owner = np.insert(owner, wide + 1, owner[wide])
         _find_lost(surface, owner, offsets, nodes, is_found)
-    else:
-        raise _never_read(surface, nodes, int(wide[0]), float(offsets[owner[wide[0]]]))
     return _curves(surface, planes, owner, nodes)
 
 
@@ -147,14 +147,20 @@ def _curves(
     ]
 
 
-def _never_read(surface: OffsetSurface, nodes: CurveSamples, gap: int, offset_mm: float) -> InputRejected:
-    """What to say of a gap that stays wide, between nodes `gap` and the next, however often it is halved."""
-    (x, _), (x_next, _) = nodes.points[gap], nodes.points[gap + 1]
-    u, v = (nodes.parameters[gap] + nodes.parameters[gap + 1]) / 2
-    between = surface.evaluate(np.array([u]), np.array([v])).centre[:2, 0]
-    where = f"{x:.3f} mm along the pass at {offset_mm:.3f} mm"
+def _never_read(surface: OffsetSurface, nodes: CurveSamples, wide: Indices, offsets_mm: Array) -> InputRejected:
+    """What to say of gaps (k,) that stay wide however often they are halved, between each node and the next.
+
+    `offsets_mm` (k,) are those of their planes. Of a jump the gaps beside it are wide too: the one is told between
+    whose nodes the parameters lead furthest astray.
+    """
+    x, x_next = nodes.points[wide, 0], nodes.points[wide + 1, 0]
+    u, v = (nodes.parameters[wide] + nodes.parameters[wide + 1]).T / 2
+    away = surface.evaluate(u, v).centre[:2] - [(x + x_next) / 2, offsets_mm]
+    astray = np.nan_to_num(np.hypot(*away) / (x_next - x), nan=np.inf)
+    worst = int(np.argmax(astray))
+    where = f"{x[worst]:.3f} mm along the pass at {offsets_mm[worst]:.3f} mm"
     # Between neighbours on one sheet the parameters' middle is near; between two parts it is somewhere else.
-    if np.hypot(*(between - [(x + x_next) / 2, offset_mm])) > OTHER_PART * (x_next - x):
+    if astray[worst] > OTHER_PART:
         what = f"two parts of {surface.patch.name} lie too near side by side for passes that run past both ({where})"
         remedy = "give a smaller pick feed or scallop, another angle_deg, or cut these parts as patches of their own"
     else:

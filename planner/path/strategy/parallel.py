@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputRejected
-from planner.path.coverage import border_cusps, border_heights, crossings, pass_runs
+from planner.path.coverage import border_cusps, border_heights, crossings
 from planner.path.gouge import check_beyond, check_creases, check_radius, check_reach, tool_side
 from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
 from planner.path.one_sided import with_one_sided
 from planner.path.peaks import Ground, Peaks, lay_ground, survey
 from planner.path.pick_feed import ChainEnd, even_planes, local_pick_feed, solve_pick_feeds
+from planner.path.runs import pass_runs
 from planner.path.seeds import Seeds, sow
 from planner.path.strategy.roll_over import roll_over, within_patch
 from planner.path.trace import TracedCurve, trace
@@ -176,7 +177,7 @@ def _needed_runs(ground: Ground, planes_mm: Array, *, join_mm: float) -> tuple[I
     heights = border_heights(ground.surface, ground.border, planes_mm)
     ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
     crossed = crossings(ground.surface, ground.border, planes_mm)
-    return pass_runs(ground.surface, heights, ends, crossed, join_mm=join_mm)
+    return pass_runs(ground.surface, planes_mm, heights, ends, crossed, join_mm=join_mm)
 
 
 def run_passes(ground: Ground, planes_mm: Array, angle_rad: float, *, accuracy_mm: float) -> list[TracedCurve]:

@@ -33,6 +33,14 @@ def test_nodes_that_newton_loses_beyond_the_border_are_found_from_the_part(seed:
 
 
 def test_a_fold_that_a_pass_would_have_to_cross_is_refused_with_what_to_do() -> None:
-    patch, wishes = random_patch(45)
+    patch, wishes = random_patch(82)
     with pytest.raises(InputRejected, match=r"folds too near its border .* carry the surface on past that border"):
         lay_parallel(patch, wishes, accuracy_mm=1e-7)
+
+
+def test_a_pass_is_not_joined_across_a_fold_behind_the_border() -> None:
+    """(4.7) Its two pieces past a hollow were joined, the fold between them ended the plan."""
+    patch, wishes = random_patch(45)
+    layout = lay_parallel(patch, wishes, accuracy_mm=1e-7)
+    assert [curve.plane.offset_mm for curve in layout.curves].count(layout.planes_mm[-1]) == 2
+    assert folds_passed(layout) == 0

@@ -1,0 +1,142 @@
+"""Where passes run: pieces that are needed, put together where the extended patch lies between them.
+
+Beyond its border a patch is carried on; but from one of its parts to another beside it a pass must not go on: nobody
+knows what stands in the slot between. Frame: passes run along +x in planes y = const.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.path.coverage import BorderHeights, GapCusps
+from planner.path.folds import walk
+from planner.path.offset import OffsetSurface
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+SEAM_MM = 1e-3  # nearer than this two ends of a patch, or two pieces of a pass, meet
+NEAR_MIDDLE = 0.02  # of a blank: no further from its middle the middle of the parameters at its ends must lie
+SAME_PLACE = 1e-3  # of the domain: parameters no further apart are those of one place
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """Pieces of passes: `owner` (k,) the pass, `x` (k, 2) from and to, `parameters` (2, k, 2) of the balls there."""
+
+    owner: Indices
+    x: Array
+    parameters: Array
+
+    def take(self, chosen: Indices) -> Pieces:
+        """The chosen pieces only."""
+        return Pieces(self.owner[chosen], self.x[chosen], self.parameters[:, chosen])
+
+
+def pass_runs(
+    surface: OffsetSurface,
+    planes_mm: Array,
+    heights: BorderHeights,
+    ends: GapCusps,
+    crossed: tuple[Indices, Array, Array],
+    *,
+    join_mm: float,
+) -> tuple[Indices, Array]:
+    """Where passes must run to leave nothing on the patch: pass (k,) and [from, to] in x (k, 2), sorted.
+
+    A pass is needed where its contact point is on the patch (`crossed`: pass, x and parameters of its crossings of the
+    border), and as far beyond as it is the one that cuts a border point or a cusp's end lowest. Pieces nearer than
+    `join_mm` become one, but for the two sides of a slot.
+    """
+    cut, found = np.flatnonzero(heights.best >= 0), ends.cusps.is_found
+    is_lower = heights.best[cut] < heights.gap[cut]
+    owner = np.concatenate([heights.best[cut], ends.gap[found], ends.gap[found] + 1])
+    place = np.concatenate([heights.x[cut], ends.cusps.x_a[found], ends.cusps.x_b[found]])
+    on_pass = np.where(is_lower, heights.lower.on_pass[:, cut], heights.upper.on_pass[:, cut])
+    on_pass = np.concatenate([on_pass, ends.cusps.on_a[:, found], ends.cusps.on_b[:, found]], axis=1)
+    inside = runs_inside(*crossed)
+    pieces = Pieces(
+        np.append(owner, inside.owner),
+        np.concatenate([np.stack([place, place], axis=1), inside.x]),
+        np.concatenate([np.stack([on_pass, on_pass], axis=2), inside.parameters], axis=1),
+    )
+    return joined_runs(surface, planes_mm, pieces, join_mm=join_mm, blanks=blanks_inside(*crossed))
+
+
+def runs_inside(passes: Indices, x: Array, parameters: Array) -> Pieces:
+    """Where passes run inside a ring, from their crossings of it in any order: passes, x and parameters (2, m)."""
+    return _between(passes, x, parameters, 0)
+
+
+def blanks_inside(passes: Indices, x: Array, parameters: Array) -> Pieces:
+    """Where passes leave the ring and come back to it, from the same crossings."""
+    return _between(passes, x, parameters, 1)
+
+
+def _between(passes: Indices, x: Array, parameters: Array, odd: int) -> Pieces:
+    """From every first crossing of a pass to its second and so on, or from every second to the next (`odd` = 1)."""
+    order = np.lexsort((x, passes))
+    passes, x, parameters = passes[order], x[order], parameters[:, order]
+    rank = np.arange(len(passes)) - np.searchsorted(passes, passes)
+    start = np.flatnonzero((rank % 2 == odd)[:-1] & (passes[1:] == passes[:-1]))
+    ends = np.stack([start, start + 1], axis=1)
+    return Pieces(passes[start], x[ends], parameters[:, ends])
+
+
+def joined_runs(
+    surface: OffsetSurface, planes_mm: Array, pieces: Pieces, *, join_mm: float, blanks: Pieces
+) -> tuple[Indices, Array]:
+    """Pieces sorted, those of a pass no further than `join_mm` apart as one: pass (k,) and [from, to] in x (k, 2).
+
+    Two between which the extended patch does not go on stay two. So do those at both ends of a slot among the
+    `blanks`, though all in between meet: what is needed there belongs to the nearer side, the widest gap stays open.
+    """
+    pieces = pieces.take(np.lexsort((pieces.x[:, 0], pieces.owner)))
+    owner, (low, high) = pieces.owner, pieces.x.T
+    before = _furthest(owner, high)
+    gap_mm = low[1:] - high[before]
+    is_same = owner[1:] == owner[:-1]
+    is_open = np.append(True, ~is_same | (gap_mm > join_mm))
+    asked = np.flatnonzero(~is_open[1:] & (gap_mm > SEAM_MM))
+    ends = np.stack([pieces.parameters[:, before[asked], 1], pieces.parameters[:, asked + 1, 0]], axis=2)
+    gaps = Pieces(owner[asked], np.stack([high[before[asked]], low[asked + 1]], axis=1), ends)
+    is_open[asked + 1] = ~_goes_on(surface, planes_mm, gaps)
+    blanks = blanks.take(np.flatnonzero(blanks.x[:, 1] - blanks.x[:, 0] > SEAM_MM))
+    for one in np.flatnonzero(~_goes_on(surface, planes_mm, blanks)).tolist():
+        begin, end = blanks.x[one]
+        inside = np.flatnonzero(is_same & (owner[1:] == blanks.owner[one]) & (high[before] >= begin) & (low[1:] <= end))
+        if len(inside) and not is_open[inside + 1].any():
+            is_open[inside[np.argmax(gap_mm[inside])] + 1] = True
+    starts = np.flatnonzero(is_open[: len(owner)])
+    return owner[starts], np.stack([low[starts], np.maximum.reduceat(high, starts) if len(starts) else low], axis=1)
+
+
+def _furthest(owner: Indices, high: Array) -> Indices:
+    """Of all pieces but the last, sorted by pass: which one of its pass so far reaches furthest."""
+    by_reach = np.argsort(high, kind="stable")
+    rank = np.empty(len(owner), dtype=np.intp)
+    rank[by_reach] = np.arange(len(owner))
+    base = owner * len(owner)
+    return np.asarray(by_reach[np.maximum.accumulate(base + rank) - base], dtype=np.intp)[:-1]
+
+
+def _goes_on(surface: OffsetSurface, planes_mm: Array, gaps: Pieces) -> Flags:
+    """Whether the extended patch goes on from one end of each gap (k,) to the other, so that no slot lies between.
+
+    Then the middle of the parameters lies near the middle of the gap, or short steps from one end lead to the other.
+    """
+    y, wide_mm, (here, there) = planes_mm[gaps.owner], np.ptp(gaps.x, axis=1), np.moveaxis(gaps.parameters, 2, 0)
+    middle = surface.evaluate(*((here + there) / 2)).centre[:2]
+    off_mm = np.abs(middle - [gaps.x.mean(axis=1), y]).max(axis=0)
+    goes_on = np.asarray(off_mm <= NEAR_MIDDLE * wide_mm)
+    doubt = np.flatnonzero(~goes_on)
+    if len(doubt):
+        start, stop = gaps.x[doubt].T
+        found, is_reached = walk(surface, y[doubt], start, here[:, doubt], stop)
+        away = np.abs(found.parameters.T - there[:, doubt]) / np.ptp(surface.patch.domain, axis=1)[:, None]
+        goes_on[doubt] = is_reached & (away.max(axis=0) <= SAME_PLACE)
+    return goes_on
