@@ -38,9 +38,10 @@ class AlarmList:
         self._lines |= {alarm.id: alarm for alarm in fresh}
         return any(alarm.severity != "note" for alarm in fresh)
 
-    def acknowledge(self) -> None:
-        """The operator has seen them all."""
-        self._lines = {key: replace(alarm, is_acknowledged=True) for key, alarm in self._lines.items()}
+    def acknowledge(self, seen: Sequence[AlarmLine]) -> None:
+        """The operator has seen these; what there was no room to show waits for its turn."""
+        for alarm in seen:
+            self._lines[alarm.id] = replace(alarm, is_acknowledged=True)
 
     def lines(self) -> tuple[AlarmLine, ...]:
         """First out first."""

@@ -17,11 +17,11 @@ from textual.app import App, ComposeResult
 from textual.events import Key
 from textual.widgets import Static
 
-from dnc.console.alarms import AlarmList, present_alarms
+from dnc.console.alarms import AlarmLine, AlarmList, present_alarms
 from dnc.console.forecast import Forecast, forecast_apart
 from dnc.console.known import Known, planned
 from dnc.console.rows import Row, Tone
-from dnc.console.view import screen
+from dnc.console.view import screen, shown_alarms
 from dnc.profile import Modbus
 from dnc.status.job import JobReading, JobWatcher
 from dnc.status.monitor import StatusMonitor
@@ -88,6 +88,7 @@ class Console(App[None], inherit_bindings=False):
         self._forecasts: dict[str, Forecast | None] = {}
         self._tasks: list[asyncio.Task[None]] = []
         self.face: list[Row] = []
+        self._seen: list[AlarmLine] = []
         self._shown = Static("", markup=False)
 
     def compose(self) -> ComposeResult:
@@ -142,7 +143,7 @@ class Console(App[None], inherit_bindings=False):
             case "resume" | "abort":
                 self.question, self._asked_of = verb, self.watcher.job
             case "acknowledge":
-                self.alarms.acknowledge()
+                self.alarms.acknowledge(self._seen)
             case "leave":
                 job = self.watcher.reading()
                 is_running = job is not None and job.is_attached
@@ -171,6 +172,7 @@ class Console(App[None], inherit_bindings=False):
         known = _with_end(known, now)
         size = self.size
         self.face = screen(known, size.width, size.height)
+        self._seen = shown_alarms(known, size.width, size.height)
         self._shown.update(_text(self.face))
 
     def _forget_notice(self, job: JobReading | None) -> None:

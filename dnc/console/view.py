@@ -11,6 +11,7 @@ import re
 import textwrap
 from typing import Any
 
+from dnc.console.alarm_rows import alarm_rows, small_alarm_rows, urgent_first
 from dnc.console.alarms import AlarmLine
 from dnc.console.known import Known, aged, fresh, number, planned, span_of_time
 from dnc.console.rows import Row, Span, Tone, beside, fitted, row
@@ -33,7 +34,7 @@ HELP = (
     "F6 or space   hold: the job pauses at the end of a block",
     "F5 then Enter resume a paused job",
     "F8 then A     abort: stops at once, may cut a block; reset the control then",
-    "F9            acknowledge alarms",
+    "F9            acknowledge the alarms that are shown; others move up",
     "F10 or q      leave this screen; the job goes on",
     "F1 or ?       this help",
     "",
@@ -48,31 +49,47 @@ HELP = (
 
 def screen(known: Known, columns: int, rows: int) -> list[Row]:
     """The whole screen, exactly `rows` rows of exactly `columns` columns."""
+    return _screen(known, columns, rows)[0]
+
+
+def shown_alarms(known: Known, columns: int, rows: int) -> list[AlarmLine]:
+    """The alarms that the same screen shows in full: what an operator can have seen."""
+    return urgent_first(known.alarms)[: _screen(known, columns, rows)[1]]
+
+
+def _screen(known: Known, columns: int, rows: int) -> tuple[list[Row], int]:
+    """The rows, and how many alarms they show."""
     if columns < COLUMNS or rows < ROWS:
         return _small(known, columns, rows)
     top = [_title(known, columns), _banner(known, columns)]
     head = [*top, *state_bar(known, columns, rows), _progress(known, columns)]
     foot = [_ask(known, columns), row(f" {KEYS}")]
-    middle = _help() if known.is_help else _middle(known, columns, rows - len(head) - len(foot))
+    middle, shown = (_help(), 0) if known.is_help else _middle(known, columns, rows - len(head) - len(foot))
     body = [*head, *middle]
     body += [row()] * (rows - len(body) - len(foot))
-    return [fitted(one, columns) for one in [*body[: rows - len(foot)], *foot]]
+    return [fitted(one, columns) for one in [*body[: rows - len(foot)], *foot]], shown
 
 
-def _small(known: Known, columns: int, rows: int) -> list[Row]:
+def _small(known: Known, columns: int, rows: int) -> tuple[list[Row], int]:
     """What a terminal below the size still shows, the most urgent first: state, question, alarms, keys if they fit."""
     mark = "  SIMULATED" if _is_job_simulated(known) or known.is_machine_simulated else ""
     state = Span(f"{state_word(known)}{mark}", Tone.STRONG)
     head = [row(f"too small: {columns}x{rows}, needs {COLUMNS}x{ROWS}"), row(state)]
     asked = known.question or known.notice or "".join(span.text for span in to_do(known))
     head += [row(Span(line, Tone.ASKS if known.question else Tone.PLAIN)) for line in _filled(asked, columns)]
-    alarms = [f"{alarm.severity.upper()} {alarm.id} {alarm.text}" for alarm in known.alarms]
-    lines = HELP if known.is_help else alarms
-    body = [row(part) for line in lines for part in _filled(line, columns)]
+    room = rows - len(head)
     keys = [row(part) for part in _filled(KEYS, columns)]
-    room = rows - len(head) - len(keys)
-    shown = [*head, *body[:room], *[row()] * (room - len(body)), *keys] if room >= min(1, len(body)) else [*head, *body]
-    return [fitted(one, columns) for one in [*shown, *[row()] * rows][:rows]]
+    keys = keys if len(keys) <= room else []
+    if known.is_help:
+        body, shown = [row(part) for line in HELP for part in _filled(line, columns)], 0
+    else:
+        body, shown = small_alarm_rows(known.alarms, columns, room - len(keys))
+        if known.alarms and shown == 0:  # the keys give way to the first of them
+            keys = []
+            body, shown = small_alarm_rows(known.alarms, columns, room)
+    body = body[: max(0, room - len(keys))]
+    whole = [*head, *body, *[row()] * (room - len(body) - len(keys)), *keys]
+    return [fitted(one, columns) for one in [*whole, *[row()] * rows][:rows]], shown
 
 
 def _filled(text: str, columns: int) -> list[str]:
@@ -109,7 +126,7 @@ def _banner(known: Known, columns: int) -> Row:
 def _progress(known: Known, columns: int) -> Row:
     if known.job is None:
         return row(" dnc send publishes its job here as soon as it runs")
-    name = str(known.job.snapshot.get("program", "")).rpartition("/")[2]
+    name = _name_of(known, columns - COLUMNS + 20)
     plan = planned(known)
     if plan is not None and plan[1] > 0:
         share, unit = min(1.0, plan[0] / plan[1]), "of the time"
@@ -119,15 +136,23 @@ def _progress(known: Known, columns: int) -> Row:
     else:
         sent, total = known.job.snapshot.get("bytes_sent") or 0, known.job.snapshot.get("bytes_total") or 1
         share, unit, right = min(1.0, sent / total), "of the bytes sent", ""
-    head = f" {name[:20]:<20} {share:4.0%} {unit} "
+    head = f" {name} {share:4.0%} {unit} "
     room = columns - len(head) - len(right) - 3
     filled = round(share * room)
     return row(head, "[", Span("=" * filled, Tone.STRONG), Span("." * (room - filled), Tone.QUIET), "]", right)
 
 
-def _middle(known: Known, columns: int, height: int) -> list[Row]:
+def _name_of(known: Known, width: int) -> str:
+    """The program's name in so many columns; of a long one begin and end, for names often differ at the end only."""
+    name = str(known.job.snapshot.get("program", "")).rpartition("/")[2] if known.job is not None else ""
+    width = min(width, 60)
+    return f"{name:<{width}}" if len(name) <= width else f"{name[: width - 13]}~{name[-12:]}"
+
+
+def _middle(known: Known, columns: int, height: int) -> tuple[list[Row], int]:
+    """Program, axes and line above the alarms, and how many of these are shown."""
     dro = _dro(known)
-    alarms = _alarms(known, columns, height - len(dro) - 4)
+    alarms, shown = alarm_rows(known.alarms, columns, height - len(dro) - 4)
     block_rows = height - len(alarms) - 4
     window = _window(known, block_rows)
     left_width = max(_LEFT, columns - 34)
@@ -138,7 +163,7 @@ def _middle(known: Known, columns: int, height: int) -> list[Row]:
         )
         for place in range(block_rows)
     ]
-    return [_doubt(known), *both, _line_health(known), _buffer(known), row(), *alarms]
+    return [_doubt(known), *both, _line_health(known), _buffer(known), row(), *alarms], shown
 
 
 def _doubt(known: Known) -> Row:
@@ -208,8 +233,8 @@ def _line_health(known: Known) -> Row:
     share = held_s / elapsed_s if elapsed_s > 0 else 0.0
     worst, most = snapshot.get("inflight_at_xoff_bytes_max") or 0, snapshot.get("inflight_max_bytes")
     return row(
-        f" line {snapshot.get('baud')} baud, {snapshot.get('utilisation') or 0.0:.0%} used;",
-        f" held {share:.0%} in {snapshot.get('xoff_count')} stops; beyond recall {worst} of {most}",
+        f" {snapshot.get('baud')} baud, {snapshot.get('utilisation') or 0.0:.0%} used;",
+        f" {snapshot.get('xoff_count')} stops, held {share:.0%}; {worst} of {most} B beyond recall",
     )
 
 
@@ -227,34 +252,6 @@ def _buffer(known: Known) -> Row:
         if stop_s is not None and stop_s > plan[0]:
             parts.append(Span(f"   next stop in {span_of_time(stop_s - plan[0])}"))
     return tuple(parts)
-
-
-def _alarms(known: Known, columns: int, most: int) -> list[Row]:
-    """Every alarm with meaning and remedy, wrapped, in at most so many rows; what is hidden is counted."""
-    shown: list[Row] = []
-    for place, alarm in enumerate(known.alarms):
-        rows = _alarm(alarm, columns)
-        hidden = len(known.alarms) - place
-        if len(shown) + len(rows) + (hidden > 1) > most and shown:
-            return [*shown, row(f"   and {hidden} more")]
-        shown += rows
-    return shown or [row(" alarms: none")]
-
-
-def _alarm(alarm: AlarmLine, columns: int) -> list[Row]:
-    mark = " " if alarm.is_acknowledged else "!"
-    tone = {"alarm": Tone.FAULT, "warning": Tone.ABNORMAL}.get(alarm.severity, Tone.PLAIN)
-    name = Span(f"{mark} {alarm.severity.upper()} {alarm.id}", tone)
-    first, *rest = _wrapped(alarm.text, " " * (len(name.text) + 2), "      ", columns) or [""]
-    remedy = _wrapped(alarm.remedy, "     -> ", "        ", columns)
-    return [row(" ", name, f" {first.lstrip()}"), *(row(line) for line in (*rest, *remedy))]
-
-
-def _wrapped(text: str, first: str, rest: str, columns: int) -> list[str]:
-    """Lines that end before the border, each with its indent; names of ports are not broken at hyphens."""
-    return textwrap.wrap(
-        harmless(text), columns - 1, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False
-    )
 
 
 def _ask(known: Known, columns: int) -> Row:

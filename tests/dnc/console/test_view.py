@@ -13,7 +13,7 @@ from dnc.console.alarms import AlarmLine, AlarmList, present_alarms
 from dnc.console.forecast import Forecast
 from dnc.console.known import Known, planned
 from dnc.console.rows import Tone, length, text_of
-from dnc.console.view import COLUMNS, HELP, ROWS, screen
+from dnc.console.view import COLUMNS, HELP, ROWS, screen, shown_alarms
 from dnc.status.job import JobReading
 from dnc.status.ledger import Ledger, MachineStatus, Trust
 from dnc.status.registers import VIRTUAL_MILL
@@ -73,7 +73,7 @@ def test_one_screen_in_full() -> None:
     ]
     for part in (
         " *     27 N27G1X27", " >     30 N30G1X30", "ACTIVE", "X     12.402 mm  to go     0.079", "Z     -3.222 mm  to",
-        "F      820.0 mm/min", "S       1000 1/min    T 2", "held 60% in 3 stops; beyond recall 2 of 3",
+        "F      820.0 mm/min", "S       1000 1/min    T 2", "3 stops, held 60%; 2 of 3 B beyond recall",
         "buffer 62 % full, 0 bytes lost", "alarms: none", "F1 help",
     ):  # fmt: skip
         assert part in text
@@ -235,14 +235,53 @@ def test_nothing_from_outside_can_act_on_the_terminal() -> None:
 def test_alarms_show_meaning_and_remedy_first_out_first() -> None:
     """(2.2)"""
     alarms = tuple(
-        AlarmLine(f"DNC-{n}", "alarm", f"text {n}", f"remedy {n}", is_acknowledged=n == 1) for n in range(1, 9)
+        AlarmLine(f"DNC-{n}", "alarm", f"text {n}", f"remedy {n}", is_acknowledged=n < 8) for n in range(1, 10)
     )
     text = shown(known(alarms=alarms))
-    assert "   ALARM DNC-1 text 1" in text
-    assert " ! ALARM DNC-2 text 2" in text
+    assert [line[:21] for line in text.splitlines() if "ALARM" in line] == [
+        " ! ALARM DNC-8 text 8", " ! ALARM DNC-9 text 9", "   ALARM DNC-1 text 1"
+    ]  # fmt: skip
     assert "-> remedy 1" in text
-    assert "and 5 more" in text
+    assert "and 6 more" in text
     assert text.splitlines()[-1].startswith(" F1 help")
+
+
+def test_what_ended_the_job_is_not_hidden_behind_older_warnings() -> None:
+    """(2.2) With no room for all, warnings that came first hid the alarm that the screen told to look at."""
+    warnings = tuple(AlarmLine(f"DNC-W{n}", "warning", "noise " * 20, "look " * 20) for n in range(4))
+    ending = AlarmLine("DNC-A1", "alarm", "the port was lost", "plug it in")
+    value = known(job=job(state="FAULTED"), alarms=(*warnings, ending))
+    for columns, rows in ((COLUMNS, ROWS), (120, 40), (40, 12)):
+        assert "ALARM DNC-A1 the port was lost" in shown(value, columns, rows)
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(COLUMNS, ROWS), (100, 30), (60, 20), (40, 10), (30, 6), (9, 3)])
+def test_only_alarms_that_were_shown_count_as_seen(columns: int, rows: int) -> None:
+    """(2.2) Acknowledged is what stood on the screen to its end; the others come up one after the other."""
+    book = AlarmList()
+    left = [AlarmLine(f"DNC-{n}", "alarm", f"text {n} " * 9, "look " * 9) for n in range(6)]
+    book.update(left)
+    while left and (seen := shown_alarms(known(alarms=book.lines()), columns, rows)):
+        text = "".join(shown(known(alarms=book.lines()), columns, rows).split())
+        assert all("".join(alarm.text.split()) in text for alarm in seen)
+        assert seen[0] in left
+        book.acknowledge(seen)
+        left = [alarm for alarm in book.lines() if not alarm.is_acknowledged]
+    assert not left or columns < 40
+    assert not shown_alarms(known(alarms=book.lines(), is_help=True), columns, rows)
+
+
+def test_a_long_name_of_a_program_is_cut_where_one_sees_it() -> None:
+    """(2.2) Names often differ at their end only."""
+    value = known(job=job(program="/programs/FINISH_PART_LEFT_SIDE_2.MPF"))
+    assert " FINISH_~T_SIDE_2.MPF  25%" in shown(value)
+    assert " FINISH_PART_LEFT_SIDE_2.MPF " in shown(value, 100)
+
+
+def test_figures_of_the_line_are_not_cut_at_the_border() -> None:
+    """(2.2) `4096 of 40` stood there."""
+    large = {"baud": 4_000_000, "xoff_count": 99_999, "inflight_at_xoff_bytes_max": 4096, "inflight_max_bytes": 4096}
+    assert "4096 of 4096 B beyond recall" in shown(known(job=job(**large, utilisation=1.0, held_s=10.0)))
 
 
 def test_a_long_alarm_is_told_to_its_end() -> None:
@@ -271,7 +310,7 @@ def test_the_alarm_list_keeps_order_and_acknowledgement() -> None:
     assert [alarm.id for alarm in book.lines()] == ["A", "B"]
     book.update([second])
     assert [alarm.id for alarm in book.lines()] == ["A", "B"]
-    book.acknowledge()
+    book.acknowledge(book.lines())
     book.update([second])
     assert [(alarm.id, alarm.is_acknowledged) for alarm in book.lines()] == [("B", True)]
     assert book.update([first])
