@@ -1,8 +1,11 @@
 """The dnc command; while its parts are loaded an interrupt ends it as it ends any program, without a word."""
 
+import contextlib
+import io
 import os
 import signal
 import sys
+from typing import Any
 
 
 def run() -> None:
@@ -22,7 +25,24 @@ def _open_standard_streams() -> None:
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             os.dup2(os.open(os.devnull, os.O_RDWR), number)
-            setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w"))
+            if name != "stderr":
+                setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w"))
+    sys.stderr = io.TextIOWrapper(
+        io.BufferedWriter(_Lossy(2, "w", closefd=False)),
+        encoding=getattr(sys.stderr, "encoding", "utf-8"),
+        errors="backslashreplace",
+        line_buffering=True,
+    )
+
+
+class _Lossy(io.FileIO):
+    """What stderr cannot take is lost: no full disk or gone reader behind it may end a job or change its exit code."""
+
+    def write(self, data: Any, /) -> int:
+        """As a file does, but what meets an error counts as written."""
+        with contextlib.suppress(OSError):
+            return super().write(data)
+        return len(data)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ def framing_bytes(key: str, text: str, data_bits: int) -> bytes:
     found = escaped_bytes(key, text)
     for byte in found:
         if byte >> data_bits:
-            what = f"tape.{key} {text!r}: 0x{byte:02X} does not fit into {data_bits} data bits"
+            what = f"tape.{key} '{text}': 0x{byte:02X} does not fit into {data_bits} data bits"
             raise SettingsRejected(what, remedy="leave it out or use a format with more data bits")
     return found
 
@@ -47,7 +47,7 @@ def escaped_bytes(key: str, text: str) -> bytes:
     while at < len(text):
         if text[at] != "\\":
             if ord(text[at]) > 0xFF:
-                what = f"tape.{key} {text!r}: no line carries {text[at]!r}"
+                what = f"tape.{key} '{text}': no line carries {text[at]!r}"
                 raise SettingsRejected(what, remedy="leave it out")
             out += text[at].encode("latin-1")
             at += 1
@@ -55,10 +55,10 @@ def escaped_bytes(key: str, text: str) -> bytes:
         found = _TOKEN.match(text, at)
         if found is None:
             known = ", ".join(sorted(_NAMED))
-            what = f"tape.{key} {text!r}: {text[at : at + 5]!r} is no known escape"
+            what = f"tape.{key} '{text}': '{text[at : at + 5]}' is no known escape"
             raise SettingsRejected(what, remedy=f"known: \\x1B and {known}")
         if found["glued"]:
-            what = f"tape.{key} {text!r}: {found[0]!r} would send the text {found['glued']!r}"
+            what = f"tape.{key} '{text}': {found[0]!r} would send the text {found['glued']!r}"
             raise SettingsRejected(what, remedy=f"write \\{found['glued']}")
         out += bytes([_code(found[1])]) * int(found[2] or 1)
         at = found.end()
@@ -81,7 +81,7 @@ def block_end_bytes(name: str) -> bytes | None:
     found = BLOCK_ENDS.get(name.lower()) or escaped_bytes("end_of_block", name)
     is_harmless = not {0x11, 0x13} & set(found) and len(found) <= _LONGEST_END_BYTES
     if not is_harmless or not {0x0A, 0x0D} & set(found):
-        what = f"tape.end_of_block {name!r} ends no block"
+        what = f"tape.end_of_block '{name}' ends no block"
         raise SettingsRejected(what, remedy="write as-is, lf, cr, crlf, lfcr, lfcrcr, or escapes such as \\CR\\LF")
     return found
 

@@ -21,5 +21,11 @@ class Number(click.FloatRange):
         return number
 
 
+class Whole(click.IntRange):
+    """A whole number from `min` to `max`, called so where a text is none."""
+
+    name = "whole number"
+
+
 LONGEST_S = 31_536_000
 """The longest wait that can be asked for: a year, in s."""

@@ -8,9 +8,20 @@ from pathlib import Path
 from planner.errors import SettingsRejected
 
 
+def _folder(variable: str, below_home: str) -> Path:
+    """What the variable names, else a folder of the user's; raises SettingsRejected where neither is known."""
+    named = os.environ.get(variable)
+    if named:
+        return Path(named) / "dnc"
+    try:
+        return Path.home() / below_home / "dnc"
+    except RuntimeError:
+        raise SettingsRejected("this user has no home folder", remedy=f"set HOME, or {variable}") from None
+
+
 def state_folder() -> Path:
     """`$XDG_STATE_HOME/dnc`, by default ~/.local/state/dnc."""
-    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local/state") / "dnc"
+    return _folder("XDG_STATE_HOME", ".local/state")
 
 
 def made_state_folder() -> Path:
@@ -32,7 +43,7 @@ def runtime_folder() -> Path:
 
 def config_folder() -> Path:
     """`$XDG_CONFIG_HOME/dnc`, by default ~/.config/dnc."""
-    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "dnc"
+    return _folder("XDG_CONFIG_HOME", ".config")
 
 
 def system_config_folder() -> Path:

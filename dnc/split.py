@@ -31,8 +31,13 @@ def split_program(data: bytes, most_bytes: int, heights: Heights, settings: Sett
     """Parts of at most `most_bytes` bytes; every part but the first begins with a preamble that restores its state.
 
     Cuts lie before blocks that begin at or above the clearance height. Raises InputRejected where the blocks between
-    two such places do not fit, and where a jump would need a label that another part holds.
+    two such places do not fit, where a jump would need a label that another part holds, and where no line ends in LF.
     """
+    if b"\n" not in data.rstrip():
+        raise InputRejected(
+            "the program has no LF, so that the control takes all of it for one block",
+            remedy="end blocks by LF or CR LF",
+        )
     parts = _cut(data, most_bytes, heights, settings)
     if len(parts) > 1 and _JUMPS.search(data):
         _require_jumps(data, parts, settings)
@@ -104,7 +109,7 @@ def _is_cut(command: canon.Command) -> bool:
 def _opening(data: bytes, begin: RestartPoint | None, number: int) -> tuple[bytes, int]:
     """What stands before the blocks of a part, and where those begin in the program."""
     head = data[:4096].splitlines()
-    found = _HEADER.match(head[0]) if head else None
+    found = _HEADER.match(data[:4096].partition(b"\n")[0].rstrip(b"\r"))
     header = [b"%%_N_%s_%d_%s" % (found[1], number, found[2])] if found else []
     if begin is None:
         return b"".join(line + b"\n" for line in header), data.index(b"\n") + 1 if found else 0

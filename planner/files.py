@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Literal
 
 from planner.errors import InputRejected
 
@@ -17,7 +19,7 @@ def made_folder(path: Path) -> Path:
     try:
         path.mkdir(exist_ok=True)
     except OSError as problem:
-        what = "is no folder" if path.exists() else f"cannot be made: {problem.strerror}"
+        what = "is no folder" if kind_of(path) != "nothing" else f"cannot be made: {problem.strerror}"
         raise InputRejected(what, path=path, remedy="name a folder, or make it first") from None
     return path
 
@@ -57,18 +59,19 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None] 
 
     None stands for a file that was not asked for.
     """
-    read, written = {path.resolve() for path in inputs if path is not None}, set[Path]()
+    read, written = {os.path.realpath(path) for path in inputs if path is not None}, set[str]()
     for path in (each for each in outputs if each is not None):
-        if path.resolve() in read:
+        place = os.path.realpath(path)
+        if place in read:
             raise InputRejected("is read by this command and would be lost", path=path, remedy="name another file")
-        if not path.absolute().parent.is_dir():
+        if kind_of(path.absolute().parent) != "folder":
             raise InputRejected(
                 "its folder does not exist", path=path, remedy="create the folder, or name another file"
             )
         _refuse_what_is_no_file(path)
-        if path.resolve() in written:
+        if place in written:
             raise InputRejected("would be written twice", path=path, remedy="give every output a name of its own")
-        written.add(path.resolve())
+        written.add(place)
 
 
 def write_file(path: Path, data: bytes) -> None:
@@ -100,19 +103,32 @@ def unwritable(path: Path, problem: OSError) -> InputRejected:
 
 
 def _require_program(path: Path) -> None:
-    if not path.is_file():
-        what = "is a directory" if path.is_dir() else "is not a regular file" if path.exists() else "is not there"
+    kind = kind_of(path)
+    if kind != "file":
+        what = {"folder": "is a directory", "other": "is not a regular file", "nothing": "is not there"}[kind]
         raise InputRejected(what, path=path, remedy="name a program file")
 
 
+def kind_of(path: Path) -> Literal["file", "folder", "other", "nothing"]:
+    """What this name stands for; raises InputRejected where the system lets nobody look."""
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return "nothing"
+    except OSError as problem:
+        raise _unreadable(path, problem) from None
+    return "file" if stat.S_ISREG(mode) else "folder" if stat.S_ISDIR(mode) else "other"
+
+
 def _unreadable(path: Path, problem: OSError) -> InputRejected:
-    return InputRejected(f"cannot be read: {problem.strerror}", path=path, remedy="check the rights")
+    return InputRejected(f"cannot be read: {problem.strerror}", path=path, remedy="check the name and the rights")
 
 
 def _refuse_what_is_no_file(path: Path) -> None:
-    if path.is_dir():
-        raise InputRejected("is a directory", path=path, remedy="name a file to write")
-    if path.exists() and not path.is_file():
-        raise InputRejected("is not a regular file", path=path, remedy="name a file to write")
     if not os.access(path.absolute().parent, os.W_OK | os.X_OK):
         raise InputRejected("its folder may not be written to", path=path, remedy="check the rights of the folder")
+    kind = kind_of(path)
+    if kind == "folder":
+        raise InputRejected("is a directory", path=path, remedy="name a file to write")
+    if kind == "other":
+        raise InputRejected("is not a regular file", path=path, remedy="name a file to write")

@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from dnc.numbers import Whole
+
 _FORMAT = re.compile(r"[5-8][NEOMS](1|1\.5|2)")
 
 
@@ -23,17 +25,25 @@ class Format(click.ParamType[str]):
         return str(value)
 
 
-class Folder(click.Path):
-    """The name of a folder; an empty one would be the working folder."""
+class File(click.Path):
+    """The name of a file; an empty one would be the working folder. Who reads the file says whether it can be read."""
+
+    kind = "file"
 
     def __init__(self) -> None:
-        super().__init__(path_type=Path)
+        super().__init__(path_type=Path, readable=False)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path; click's BadParameter for no name at all."""
         if value == "":
-            self.fail("the name of the folder is empty", param, ctx)
+            self.fail(f"the name of the {self.kind} is empty", param, ctx)
         return super().convert(value, param, ctx)
+
+
+class Folder(File):
+    """The name of a folder, as for a file."""
+
+    kind = "folder"
 
 
 def _tell_overlooked(ctx: click.Context, param: click.Parameter, name: str) -> str:
@@ -56,7 +66,5 @@ machine_option = click.option(
     callback=_tell_overlooked,
     help="machine profile: a name that dnc machines lists, or a path",
 )
-baud_option = click.option(
-    "--baud", type=click.IntRange(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's"
-)
+baud_option = click.option("--baud", type=Whole(50, 4_000_000), envvar="DNC_BAUD", help="in place of the profile's")
 format_option = click.option("--format", "form", type=Format(), envvar="DNC_FORMAT", help="such as 8N1 or 7E2")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dnc.cli._options import machine_option
+from dnc.cli._options import File, baud_option, machine_option
 from planner.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -20,21 +20,22 @@ if TYPE_CHECKING:
 
 
 @click.command(epilog="Example: dnc check part.mpf --machine sinumerik-840d --job job.toml")
-@click.argument("program", type=click.Path(path_type=Path))
+@click.argument("program", type=File())
 @machine_option
 @click.option(
     "--job",
-    type=click.Path(path_type=Path),
+    type=File(),
     help="job file: stock box, clearance, tool radii; zero point and tools of the sheet",
 )
-@click.option("--baud", type=click.IntRange(50, 4_000_000), help="in place of the profile's")
-@click.option("--sheet", type=click.Path(path_type=Path), help="write a setup sheet as HTML")
+@baud_option
+@click.option("--sheet", type=File(), help="write a setup sheet as HTML")
 @click.option("--json", "as_json", is_flag=True, help="the report as JSON on stdout")
 def command(
     program: Path, machine: str, job: Path | None, baud: int | None, sheet: Path | None, *, as_json: bool
 ) -> int:
     """Interpret PROGRAM without moving anything and list what is wrong; exit 3 when an error is found."""
     from dnc.check.run import check_program
+    from planner.files import kind_of
 
     watch = None
     limits = _limits(machine, job, baud)
@@ -44,7 +45,7 @@ def command(
 
         check_outputs([sheet], [program, job])
         watch = SheetWatch(limits)
-    size_bytes = program.stat().st_size if program.is_file() else 0
+    size_bytes = program.stat().st_size if kind_of(program) == "file" else 0
     with click.progressbar(
         length=size_bytes, label="checking", file=sys.stderr, hidden=not sys.stderr.isatty() or size_bytes < 1_000_000
     ) as bar:

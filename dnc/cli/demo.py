@@ -7,13 +7,14 @@ from pathlib import Path
 
 import click
 
+from dnc.cli._options import File, Folder
 from dnc.numbers import Number
 
 
 @click.command(epilog="Example: dnc demo --out ./dnc-demo")
-@click.option("--out", default="./dnc-demo", show_default=True, type=click.Path(path_type=Path), help="Folder to fill.")
+@click.option("--out", default="./dnc-demo", show_default=True, type=Folder(), help="Folder to fill.")
 @click.option("--machine", default="virtual-mill", show_default=True, help="Machine profile of the mill and the line.")
-@click.option("--job", type=click.Path(path_type=Path), help="Job file; the reference part when left out.")
+@click.option("--job", type=File(), help="Job file; the reference part when left out.")
 @click.option("--speed", default=200.0, show_default=True, type=Number(1, 1000), help="Time scale.")
 @click.option(
     "--window",

@@ -27,9 +27,9 @@ def command(port: str | None, loopback: bool, machine: str, as_json: bool) -> in
 
     if loopback and port is None:
         raise click.UsageError("--loopback needs --port")
+    link = load_profile(profile_path(machine)).link
     findings = examine(state_folder())
     if port is not None:
-        link = load_profile(profile_path(machine)).link
         if loopback:  # the plug joins no modem lines, and a driver would obey the DC3 that comes back
             link = msgspec.structs.replace(link, handshake="xonxoff")
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import errno
 import importlib
@@ -10,14 +11,16 @@ import pkgutil
 import signal
 import sys
 import traceback
-from pathlib import Path
 
 import click
 
 import dnc.cli
+from dnc.places import state_folder
 from planner.errors import ExitCode, UserError
 
 _HIDDEN = {"main"}
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_SURROUNDINGS = (*_FULL, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR)
 _NOT_BUILT = {"serve", "web", "compare", "config"}
 
 
@@ -54,7 +57,8 @@ class _Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """The command that is to run; what the settings say becomes the default of its options."""
         name, command, rest = super().resolve_command(ctx, args)
-        if command is not None and name is not None:
+        is_help = bool(rest) and set(rest) <= set(ctx.help_option_names)
+        if command is not None and name is not None and not is_help:
             from dnc.settings import load_settings
 
             said = load_settings()
@@ -84,10 +88,10 @@ def run_with(arguments: list[str]) -> int:
     try:
         result = program.main(args=arguments, prog_name="dnc", standalone_mode=False)
     except UserError as error:
-        click.echo(f"dnc: {error}", err=True)
+        _complain(str(error))
         return int(error.exit_code)
     except click.exceptions.Abort:
-        click.echo("dnc: interrupted", err=True)
+        _complain("interrupted")
         return 130
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
@@ -95,15 +99,15 @@ def run_with(arguments: list[str]) -> int:
     except click.BadParameter as error:
         variable = _variable(error)
         of_variable = f"{variable}: {error.message.rstrip('.')}; mend or unset it"
-        click.echo(f"dnc: {of_variable if variable else _usage_sentence(error, arguments)}", err=True)
+        _complain(of_variable if variable else _usage_sentence(error, arguments))
         return int(ExitCode.SETTINGS if variable else ExitCode.USAGE)
     except click.ClickException as error:
-        click.echo(f"dnc: {_usage_sentence(error, arguments)}", err=True)
+        _complain(_usage_sentence(error, arguments))
         return int(ExitCode.USAGE)
     except SystemExit:  # click leaves so when nobody reads our output any more
         return 128 + signal.SIGPIPE
     except OSError as error:
-        return _no_space(error) if error.errno in (errno.ENOSPC, errno.EDQUOT) else _internal_fault(error)
+        return _refused_by_system(error) if error.errno in _SURROUNDINGS else _internal_fault(error)
     except Exception as error:  # noqa: BLE001 (the rim: a fault of ours becomes one sentence and a file to report)
         return _internal_fault(error)
     return result if isinstance(result, int) else 0
@@ -126,23 +130,35 @@ def _usage_sentence(error: click.ClickException, arguments: list[str]) -> str:
     return f"{what[:1].lower()}{what[1:]}{joint}see {context.command_path if context else command} --help"
 
 
-def _no_space(error: OSError) -> int:
-    """The disk behind stdout, or behind a file of ours, is full."""
+def _complain(what: str) -> None:
+    """One line on stderr, whatever the names in it hold."""
+    from dnc.progress import printable
+
+    click.echo(f"dnc: {printable(what)}", err=True)
+
+
+def _refused_by_system(error: OSError) -> int:
+    """A full disk behind stdout or behind a file of ours, a folder that may not be looked into, a name too long.
+
+    Not 3, which says that a program was refused: the surroundings must be mended, not the program.
+    """
     from dnc.progress import silence_output
 
     silence_output()
-    what = error.filename or "the output"
-    click.echo(f"dnc: {what} cannot be written: {error.strerror}; free some space and run it again", err=True)
-    return int(ExitCode.REJECTED)
+    if error.errno in _FULL:
+        what = f"{error.filename or 'the output'} cannot be written: {error.strerror}"
+        _complain(f"{what}; free some space and run it again")
+    else:
+        _complain(f"{error.filename or 'a file'}: {error.strerror}; check the name and the rights")
+    return int(ExitCode.SETTINGS)
 
 
 def _internal_fault(error: Exception) -> int:
-    place = Path(os.environ.get("XDG_STATE_HOME", Path.home() / ".local/state")) / "dnc" / "fault.txt"
-    try:
+    where = ""
+    with contextlib.suppress(OSError, UserError):
+        place = state_folder() / "fault.txt"
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_text("".join(traceback.format_exception(error)))
         where = f"; details are in {place}, please report them"
-    except OSError:
-        where = ""
-    click.echo(f"dnc: internal fault: {type(error).__name__}: {error}{where}", err=True)
+    _complain(f"internal fault: {type(error).__name__}: {error}{where}")
     return int(ExitCode.INTERNAL)

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import click
 
-_PATH = click.Path(path_type=Path)
+from dnc.cli._options import File
+
+_PATH = File()
 
 
 @click.command(epilog="Example: dnc measure points.csv --job job.toml --json")

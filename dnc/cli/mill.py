@@ -6,26 +6,26 @@ from pathlib import Path
 
 import click
 
-from dnc.cli._options import Format, machine_option
-from dnc.numbers import Number
+from dnc.cli._options import File, Folder, Format, machine_option
+from dnc.numbers import Number, Whole
 
 
 @click.command(epilog="Example: dnc mill --speed 100 --link /tmp/mill --nominal thesis.toml --report mill.json")
 @machine_option
-@click.option("--link", type=click.Path(path_type=Path), help="symbolic link to its pseudo-terminal")
+@click.option("--link", type=File(), help="symbolic link to its pseudo-terminal")
 @click.option("--modbus", metavar="HOST:PORT", help="serve status there; port 0: any free one")
 @click.option("--speed", type=Number(0.001, 100_000), default=1.0, help="of machine and line together")
-@click.option("--baud", type=click.IntRange(50, 4_000_000), help="of the line at speed 1, in place of the profile's")
+@click.option("--baud", type=Whole(50, 4_000_000), help="of the line at speed 1, in place of the profile's")
 @click.option("--format", "form", type=Format(), help="of the line, in place of the profile's, such as 8N1 or 7E2")
 @click.option("--seed", type=int, default=1, show_default=True, help="of everything random")
 @click.option("--fault", "faults", multiple=True, metavar="NAME=VALUE", help="what goes wrong; a wrong name lists them")
-@click.option("--nominal", type=click.Path(path_type=Path), help="job file: measure against its design; tool radii")
-@click.option("--programs", type=click.Path(path_type=Path), help="folder of the subprograms in its memory")
+@click.option("--nominal", type=File(), help="job file: measure against its design; tool radii")
+@click.option("--programs", type=Folder(), help="folder of the subprograms in its memory")
 @click.option("--probe-pitch", "probe_pitch_mm", type=Number(0.001, 1000), default=0.1, show_default=True, help="mm")
 @click.option("--end-on-alarm", is_flag=True, help="end at an alarm or a reset, as at the program's end")
-@click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON at the end")
-@click.option("--motion", type=click.Path(path_type=Path), help="write the motion log as CSV")
-@click.option("--plot", type=click.Path(path_type=Path), help="draw the deviation map as PNG (with --nominal)")
+@click.option("--report", type=File(), help="write the report as JSON at the end")
+@click.option("--motion", type=File(), help="write the motion log as CSV")
+@click.option("--plot", type=File(), help="draw the deviation map as PNG (with --nominal)")
 def command(
     machine: str,
     link: Path | None,
@@ -53,6 +53,7 @@ def command(
 
     from dnc.profile import load_profile, profile_path
     from dnc.sending import link_with
+    from planner.files import kind_of
     from planner.job import load_job
     from sim.faults import parse_faults
     from sim.grid import check_pitch
@@ -63,7 +64,7 @@ def command(
 
     if plot is not None and nominal is None:
         raise click.UsageError("--plot needs the design surface; name the job file with --nominal")
-    if programs is not None and not programs.is_dir():
+    if programs is not None and kind_of(programs) != "folder":
         raise click.UsageError(f"--programs {programs}: is no folder")
     if nominal is not None:
         check_pitch(load_nominal(nominal).patches, probe_pitch_mm)

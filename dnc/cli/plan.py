@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dnc.cli._options import machine_option
+from dnc.cli._options import File, machine_option
 from dnc.numbers import Number
 
 if TYPE_CHECKING:
@@ -24,14 +24,14 @@ def _not_built(ctx: click.Context, param: click.Parameter, value: str | None) ->
 
 
 @click.command(epilog="Example: dnc plan configs/jobs/thesis.toml -o part.mpf --report plan.json --plot plan.png")
-@click.argument("job", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="the program to write")
+@click.argument("job", type=File())
+@click.option("-o", "--output", required=True, type=File(), help="the program to write")
 @machine_option
 @click.option("--post", "control", type=click.Choice(_CONTROLS), help="control, in place of the job's")
 @click.option("--blocks", type=click.Choice(_BLOCKS), help="kind of cutting blocks, in place of the job's")
-@click.option("--report", type=click.Path(path_type=Path), help="write the report, rivals included, as JSON")
-@click.option("--plot", type=click.Path(path_type=Path), help="draw passes, worst scallop and one fit as PNG")
-@click.option("--sheet", type=click.Path(path_type=Path), help="write the setup sheet as one HTML page")
+@click.option("--report", type=File(), help="write the report, rivals included, as JSON")
+@click.option("--plot", type=File(), help="draw passes, worst scallop and one fit as PNG")
+@click.option("--sheet", type=File(), help="write the setup sheet as one HTML page")
 @click.option(
     "--lift",
     "lift_mm",
@@ -70,6 +70,11 @@ def command(
     from planner.job import load_job
     from planner.plan import plan_job
 
+    is_reported = report is not None or as_json
+    if knot_test and (is_reported or plot or sheet or lift_mm):
+        raise click.UsageError(
+            "--knot-test writes its program alone; leave --report, --json, --plot, --sheet and --lift out"
+        )
     sidecar = output.with_name(output.name + ".json")
     asked = load_job(job)
     check_outputs([output, sidecar, report, plot, sheet], [job, job.parent / asked.part.surface])
@@ -80,7 +85,6 @@ def command(
 
         write_file(output, knot_test_program(asked.setup.safe_z_mm))
         return 0
-    is_reported = report is not None or as_json
     # The machine's own clock takes as long as the planning itself: it runs only where its figure is shown.
     clock = machining_clock(profile_file) if is_reported or sheet is not None else None
     changes: dict[str, Any] = {"control": control, "blocks": blocks}

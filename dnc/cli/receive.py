@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dnc.cli._options import Folder, baud_option, format_option, machine_option
-from dnc.numbers import LONGEST_S, Number
+from dnc.numbers import LONGEST_S, Number, Whole
 
 if TYPE_CHECKING:
     from dnc.receiving import Haul
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 @machine_option
 @baud_option
 @format_option
-@click.option("--count", type=click.IntRange(min=0), default=0, help="end after so many programs; 0: go on")
+@click.option("--count", type=Whole(min=0), default=0, help="end after so many programs; 0: go on")
 @click.option(
     "--wait", "wait_s", type=Number(0, LONGEST_S), default=0.0, help="end after so many silent seconds; 0: never"
 )
 @click.option(
     "--silence", "silence_s", type=Number(0.1, LONGEST_S), default=5.0, show_default=True, help="ends a program, s"
 )
-@click.option("--max-bytes", type=click.IntRange(min=1), default=100_000_000, show_default=True, help="per program")
+@click.option("--max-bytes", type=Whole(min=1), default=100_000_000, show_default=True, help="per program")
 @click.option("--send-xon", is_flag=True, help="tell the control to begin")
 @click.option("--json", "as_json", is_flag=True, help="print a report to stdout")
 def command(

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
 
-from dnc.cli._options import baud_option, format_option, machine_option
+from dnc.cli._options import File, baud_option, format_option, machine_option
 from dnc.numbers import LONGEST_S, Number
 
 _HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
 
 
 @click.command(epilog="Example: dnc send part.mpf --port /dev/ttyUSB0 --machine sinumerik-840d --report sent.json")
-@click.argument("program", type=click.Path(path_type=Path))
+@click.argument("program", type=File())
 @click.option("--port", envvar="DNC_PORT", help="device, pty, socket://host:port or rfc2217://host:port")
 @machine_option
 @baud_option
@@ -43,10 +42,8 @@ _HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
 @click.option("--start-at", metavar="N120", help="restart at this block, with a computed preamble")
 @click.option("--resume", is_flag=True, help="restart where the interrupted job of this program stopped")
 @click.option("--check", "check_first", is_flag=True, help="run dnc check first; errors stop the job")
-@click.option(
-    "--job", type=click.Path(path_type=Path), help="job file: tool radii; for --check also stock and clearance"
-)
-@click.option("--report", type=click.Path(path_type=Path), help="write the report as JSON")
+@click.option("--job", type=File(), help="job file: tool radii; for --check also stock and clearance")
+@click.option("--report", type=File(), help="write the report as JSON")
 @click.option("--yes", is_flag=True, help="answer the questions of --start-at, --resume and of a job that was stopped")
 @click.option(
     "--force",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dnc.cli._options import machine_option
+from dnc.cli._options import File, machine_option
 from dnc.numbers import Number
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sim.mill import Recording
     from sim.nominal import Nominal
 
-_PATH = click.Path(path_type=Path)
+_PATH = File()
 
 
 @click.command(epilog="Example: dnc simulate part.mpf --job job.toml --report cut.json --plot cut.png")
@@ -57,8 +57,8 @@ def command(
     from sim.nominal import load_nominal
     from sim.profile import load_mill_profile
 
-    if job is None and (plot or deviation_map or view):
-        raise click.UsageError("--plot, --map and --view need the design; name the job file with --job")
+    if job is None and (plot or deviation_map or view or pitch_mm):
+        raise click.UsageError("--plot, --map, --view and --pitch need the design; name the job file with --job")
     check_outputs([motion, report, plot, deviation_map, view], [program, job])
     if plot is not None:
         from sim.plot import require_drawing

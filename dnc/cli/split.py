@@ -7,17 +7,15 @@ from pathlib import Path
 
 import click
 
-from dnc.cli._options import Folder, machine_option
-from dnc.numbers import Number
+from dnc.cli._options import File, Folder, machine_option
+from dnc.numbers import Number, Whole
 
 
 @click.command(epilog="Example: dnc split part.mpf --bytes 30000 -o parts/ --job job.toml")
-@click.argument("program", type=click.Path(path_type=Path))
+@click.argument("program", type=File())
 @click.option("-o", "--output", required=True, type=Folder(), help="folder for the parts")
-@click.option("--job", required=True, type=click.Path(path_type=Path), help="job file: heights, plunge feed, dwell")
-@click.option(
-    "--bytes", "most_bytes", type=click.IntRange(min=200), help="most bytes a part; default: the profile's buffer"
-)
+@click.option("--job", required=True, type=File(), help="job file: heights, plunge feed, dwell")
+@click.option("--bytes", "most_bytes", type=Whole(min=200), help="most bytes a part; default: the profile's buffer")
 @machine_option
 @click.option(
     "--retract-z",

@@ -11,6 +11,7 @@ import click
 
 from dnc.cli._options import machine_option
 from dnc.errors import ExitCode, ModbusUnavailable
+from dnc.numbers import Whole
 
 
 @click.command(epilog="Example: dnc status --machine sinumerik-840d --json")
@@ -18,7 +19,7 @@ from dnc.errors import ExitCode, ModbusUnavailable
 @click.option("--modbus", metavar="HOST:PORT", envvar="DNC_MODBUS", help="in place of the profile's")
 @click.option("--json", "as_json", is_flag=True, help="print JSON, one object a line")
 @click.option("--watch", is_flag=True, help="go on reading, once a second, until interrupted")
-@click.option("--count", type=click.IntRange(min=1), help="stop watching after so many readings")
+@click.option("--count", type=Whole(min=1), help="stop watching after so many readings")
 def command(machine: str, modbus: str | None, *, as_json: bool, watch: bool, count: int | None) -> int:
     """Read the machine over Modbus and the running job over its socket; nothing is written to either.
 
@@ -27,9 +28,12 @@ def command(machine: str, modbus: str | None, *, as_json: bool, watch: bool, cou
     from dnc.profile import load_profile, profile_path
     from dnc.status.monitor import modbus_of
 
+    if count is not None and not watch:
+        raise click.UsageError("--count goes with --watch")
+
     profile = load_profile(profile_path(machine))
     settings = modbus_of(profile.modbus, modbus)
-    readings = (count if watch else 1) if count or not watch else None
+    readings = count if watch else 1
     with contextlib.suppress(KeyboardInterrupt):
         return asyncio.run(_read(settings, readings, as_json=as_json))
     return 130

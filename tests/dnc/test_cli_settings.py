@@ -64,6 +64,24 @@ def test_a_port_for_every_day(
     assert main.run_with(["send", str(program), "--dry-run", "--port", "/dev/x"]) == ExitCode.USAGE
 
 
+def test_the_check_reckons_with_the_baud_rate_that_send_would_take(
+    own_machines: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(Interface, section 1) DNC_BAUD=300 was sent at, and a program far too fast for it was found to be fine."""
+    program = tmp_path / "part.mpf"
+    blocks = "".join(f"G1 X{n % 2}.001 Y0.{n:04d} F1200\n" for n in range(300))
+    program.write_text(f"G0 G90 G17 G54 Z50\nT1 D1 M6\nS1000 M3\n{blocks}M30\n")
+    main.run_with(["check", str(program)])
+    assert "line-too-slow" not in capsys.readouterr().out
+    monkeypatch.setenv("DNC_BAUD", "300")
+    main.run_with(["check", str(program)])
+    assert "line-too-slow" in capsys.readouterr().out
+    monkeypatch.delenv("DNC_BAUD")
+    (own_machines.parent / "settings.toml").write_text("baud = 300\n")
+    main.run_with(["check", str(program)])
+    assert "line-too-slow" in capsys.readouterr().out
+
+
 def test_empty_settings_say_nothing(own_machines: Path) -> None:
     """(2.7)"""
     (own_machines.parent / "settings.toml").write_bytes(b"")
@@ -142,6 +160,7 @@ def test_a_mistyped_machine_is_asked_back(own_machines: Path, capsys: pytest.Cap
     """(2.7)"""
     assert main.run_with(["check", "part.mpf", "--machine", "mime"]) == ExitCode.SETTINGS
     assert "did you mean mine? known: five-axis-840d, mine, " in capsys.readouterr().err
+    assert main.run_with(["doctor", "--machine", "mime"]) == ExitCode.SETTINGS  # which passed it over without --port
 
 
 def test_unknown_machine_lists_the_known(capsys: pytest.CaptureFixture[str]) -> None:

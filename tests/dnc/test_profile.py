@@ -29,7 +29,7 @@ def test_shipped_profiles_are_read(name: str) -> None:
         ("jerk_mm_s3", "1e300", "jerk_mm_s3: "),
         ("max_mm", "-9999", "mm; write the smaller end as min_mm"),
         ("end_of_block", '"cr-lf"', ":16: tape.end_of_block 'cr-lf' ends no block; write as-is, lf"),
-        ("leader", '"\\\\FOO"', "tape.leader '\\\\FOO': '\\\\FOO' is no known escape; known: "),
+        ("leader", '"\\\\FOO"', "tape.leader '\\FOO': '\\FOO' is no known escape; known: "),
         ("trailer", '"\u20ac"', "no line carries '\u20ac'; leave it out"),
         ("xon_fill_bytes", "999999", "exceed receive_buffer_bytes; lower one of them"),
         ("hold_timeout_s", "1e308", "link.hold_timeout_s: is out of range"),

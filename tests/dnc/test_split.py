@@ -124,6 +124,12 @@ def test_a_pass_too_long_is_refused() -> None:
         split_program(program(), 300, HEIGHTS)
 
 
+def test_a_program_without_line_feeds_is_refused() -> None:
+    """(2.7) Blocks that end by CR alone raised a ValueError behind a header."""
+    with pytest.raises(InputRejected, match="has no LF"):
+        split_program(program().replace(b"\n", b"\r"), 1000, HEIGHTS)
+
+
 def test_command_writes_the_parts(tmp_path: Path) -> None:
     path = tmp_path / "part.mpf"
     path.write_bytes(program())
