@@ -142,6 +142,23 @@ def test_a_command_goes_before_bytes_that_lie_ready(tmp_path: Path, cable: Cable
     port.close()
 
 
+@pytest.mark.parametrize("bound_bytes", [0, 1, 2])
+def test_no_answer_goes_beyond_what_is_on_disk(tmp_path: Path, cable: Cable, bound_bytes: int) -> None:
+    """(5.7) A disk that stalls in a hold stops the answer to its XON too: a power cut would leave bytes unrecorded."""
+    port, sender = SerialPort(cable.name, Link()), sender_of(tape_of(tmp_path, PROGRAM))
+    journal = NoJournal()
+    journal.bound_bytes = bound_bytes
+    stream = Stream(sender, port, journal, lambda _: None, clock=lambda: 1.0)  # type: ignore[arg-type]
+    sender.start(1.0)
+    sender.hear(XOFF, 1.0)
+    stream._step()
+    os.write(cable.master, XON)
+    stream._step()
+    assert sender.offset_bytes <= bound_bytes
+    stream.close()
+    port.close()
+
+
 def test_held_pause_resume_abort(tmp_path: Path, cable: Cable) -> None:
     """(5.7)"""
     slow = Pace(byte_s=1e-3, inflight_max_bytes=3, lag_s=0.0, slack=0.0)
