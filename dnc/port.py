@@ -85,7 +85,8 @@ FLOWS = {
     "dtrdsr": Flow.MODEM,
     "none": Flow.NONE,
 }
-_MODEM = {"rtscts": _Modem("CTS", termios.TIOCM_CTS), "dtrdsr": _Modem("DSR", termios.TIOCM_DSR)}
+_CTS, _DSR = _Modem("CTS", termios.TIOCM_CTS), _Modem("DSR", termios.TIOCM_DSR)
+_MODEM = {"rtscts": _CTS, "dtrdsr": _DSR}
 
 
 class SerialPort:
@@ -103,7 +104,7 @@ class SerialPort:
         self._modem = _MODEM.get(link.handshake)
         self._parity = parity_table(link.format) if link.software_parity else None
         if self._modem is not None and self.is_simulated:
-            raise PortUnavailable(f"{name} has no modem lines, {link.handshake} cannot work; use --handshake xonxoff")
+            raise PortUnavailable(_no_modem_lines(name, link))
         self._lock = UucpLock(self.device)
         holder = self._lock.acquire()
         if holder is not None:
@@ -115,7 +116,8 @@ class SerialPort:
             raise
         self._fd = self._serial.fileno()
         self._settings = termios.tcgetattr(self._fd)
-        self._has_dsr = self._modem is None and self._is_dsr_on()
+        self._presence = _CTS if self._modem is _DSR else _DSR
+        self._is_present = self._is_presence_shown()
         self._empty_reads = 0
 
     def fileno(self) -> int:
@@ -168,13 +170,13 @@ class SerialPort:
     def changed_settings(self) -> str:
         """Which settings differ from those at opening; a pty reads back wrong, so it is never asked.
 
-        A control whose DSR was on at the opening and is off now was switched off or unplugged: PortLost, or the XON of
-        its next power-on would resume the job.
+        A control whose DSR (CTS where DSR is the handshake) was on at the opening and is off now was switched off or
+        unplugged: PortLost, or its next power-on would resume the job.
         """
         if self.is_simulated:
             return ""
-        if self._has_dsr and not self._is_dsr_on():
-            raise PortLost(f"{self.name}: DSR went off, the control was switched off or its cable was pulled")
+        if self._is_present and not self._is_presence_shown():
+            raise PortLost(self._absence())
         try:
             now = termios.tcgetattr(self._fd)
         except (OSError, termios.error) as problem:
@@ -232,17 +234,33 @@ class SerialPort:
             return
         with contextlib.suppress(OSError):
             fcntl.ioctl(fd, termios.TIOCEXCL)
+        if self._modem is not None:
+            self._require_modem_lines(fd)
         wrong = refused_settings(termios.tcgetattr(fd), self._link)
         if wrong:
-            raise PortUnavailable(
-                f"{self.name} does not accept {wrong}; choose a format the adapter knows, or software_parity = true"
-            )
+            is_format = "handshake" not in wrong
+            mend = "choose a format the adapter knows, or software_parity = true" if is_format else "use xonxoff"
+            raise PortUnavailable(f"{self.name} does not accept {wrong}; {mend}")
 
-    def _is_dsr_on(self) -> bool:
+    def _require_modem_lines(self, fd: int) -> None:
+        try:
+            fcntl.ioctl(fd, termios.TIOCMGET, b"\0\0\0\0")
+        except OSError:
+            raise PortUnavailable(_no_modem_lines(self.name, self._link)) from None
+
+    def _is_presence_shown(self) -> bool:
         """Whether the control shows that it is there; False where the device has no such line."""
         with contextlib.suppress(OSError):
-            return self._is_on(termios.TIOCM_DSR)
+            return self._is_on(self._presence.mask)
         return False
+
+    def _absence(self) -> str:
+        line = self._presence.name
+        text = f"{self.name}: {line} went off, the control was switched off or its cable was pulled"
+        if self._modem is None:
+            return text
+        other = next(name for name, modem in _MODEM.items() if modem is self._presence)
+        return f"{text}; if it drops {line} whenever it holds, use --handshake {other}"
 
     def _is_on(self, mask: int) -> bool:
         (lines,) = struct.unpack("I", fcntl.ioctl(self._fd, termios.TIOCMGET, b"\0\0\0\0"))
@@ -260,6 +278,10 @@ class SerialPort:
     def _lost(self, problem: Exception) -> PortLost:
         code = problem.args[0] if problem.args and isinstance(problem.args[0], int) else errno.EIO
         return PortLost(f"{self.name} was lost: {os.strerror(code)}")
+
+
+def _no_modem_lines(name: str, link: Link) -> str:
+    return f"{name} has no modem lines, {link.handshake} cannot work; use --handshake xonxoff"
 
 
 def _open_sentence(name: str, problem: Exception) -> str:

@@ -29,11 +29,13 @@ def set_flow_characters(fd: int, link: Link) -> None:
 
 
 def refused_settings(settings: list[object], link: Link) -> str:
-    """Which part of the format or the rate the driver dropped in silence; empty when all was kept.
+    """Which part of format, rate or handshake the driver dropped in silence; empty when all was kept.
 
-    A rate that has no constant of its own cannot be read back so.
+    Where the driver does not stop by itself, what its queue and the chip hold runs on into the control. A rate that
+    has no constant of its own cannot be read back so.
     """
-    flags = settings[2]
+    incoming, flags = settings[0], settings[2]
+    assert isinstance(incoming, int)
     assert isinstance(flags, int)
     bits, parity, stops = link.format[0], link.format[1], link.format[2:]
     if link.software_parity:
@@ -47,6 +49,9 @@ def refused_settings(settings: list[object], link: Link) -> str:
         return f"parity {parity}"
     if bool(flags & termios.CSTOPB) != (stops != "1"):
         return f"{stops} stop bits"
+    is_obeyed = {"rtscts": flags & termios.CRTSCTS, "driver": incoming & termios.IXON}
+    if not is_obeyed.get(link.handshake, True):
+        return f"handshake {link.handshake}"
     rate = getattr(termios, f"B{link.baud}", None)
     if rate is not None and settings[4:6] != [rate, rate]:
         return f"{link.baud} baud"

@@ -210,24 +210,57 @@ def test_the_modem_line_of_the_handshake_is_read(
     assert port.close()
 
 
-@pytest.mark.parametrize(("at_opening", "is_missed"), [(termios.TIOCM_DSR, True), (termios.TIOCM_CTS, False)])
-def test_a_control_that_is_switched_off_is_port_lost(
-    cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch, at_opening: int, is_missed: bool
-) -> None:
-    """(5.7; faults C9, L11) Where its DSR was on at the opening; by a fake, because a pty has none."""
-    lines, real = [at_opening], fcntl.ioctl
+def with_modem_lines(monkeypatch: pytest.MonkeyPatch, lines: list[int]) -> None:
+    """The pty passes for a device with these lines; an empty list is one that has none."""
+    real = fcntl.ioctl
 
     def ioctl(fd: int, what: int, *more: object) -> object:
+        if what == termios.TIOCMGET and not lines:
+            raise OSError(errno.ENOTTY, "Inappropriate ioctl for device")
         return struct.pack("I", lines[0]) if what == termios.TIOCMGET else real(fd, what, *more)  # type: ignore[call-overload]
 
     monkeypatch.setattr(fcntl, "ioctl", ioctl)
     monkeypatch.setattr("dnc.port.is_pty", lambda _device: False)
-    port = SerialPort(cable[1], Link())
+    monkeypatch.setattr("dnc.port.refused_settings", lambda _settings, _link: "")
+
+
+@pytest.mark.parametrize(
+    ("handshake", "at_opening", "missed"),
+    [
+        ("xonxoff", termios.TIOCM_DSR, "DSR went off, the control was switched off or its cable was pulled$"),
+        ("xonxoff", termios.TIOCM_CTS, ""),
+        ("rtscts", termios.TIOCM_DSR | termios.TIOCM_CTS, "DSR went off.*, use --handshake dtrdsr"),
+        ("rtscts", termios.TIOCM_CTS, ""),
+        ("dtrdsr", termios.TIOCM_DSR | termios.TIOCM_CTS, "CTS went off.*, use --handshake rtscts"),
+        ("dtrdsr", termios.TIOCM_DSR, ""),
+    ],
+)
+def test_a_control_that_is_switched_off_is_port_lost(
+    cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch, handshake: str, at_opening: int, missed: str
+) -> None:
+    """(5.7; faults C9, L11) Where it showed at the opening that it is there; by a fake, because a pty has no lines.
+
+    With RTS/CTS and DTR/DSR its next power-on resumed the job by itself.
+    """
+    lines = [at_opening]
+    with_modem_lines(monkeypatch, lines)
+    port = SerialPort(cable[1], Link(handshake=handshake))  # type: ignore[arg-type]
     assert port.changed_settings() == ""
     lines[0] = 0
-    with pytest.raises(PortLost, match="switched off") if is_missed else contextlib.nullcontext():
+    with pytest.raises(PortLost, match=missed) if missed else contextlib.nullcontext():
         port.changed_settings()
     assert port.close()
+
+
+@pytest.mark.parametrize("handshake", ["rtscts", "dtrdsr"])
+def test_a_device_without_modem_lines_is_refused(
+    cable: tuple[int, str], monkeypatch: pytest.MonkeyPatch, handshake: str
+) -> None:
+    """(5.3) It was opened, and PORT LOST at the first byte."""
+    with_modem_lines(monkeypatch, [])
+    with pytest.raises(PortUnavailable, match="has no modem lines"):
+        SerialPort(cable[1], Link(handshake=handshake))  # type: ignore[arg-type]
+    SerialPort(cable[1], Link()).close()
 
 
 def test_software_parity_on_the_wire(cable: tuple[int, str]) -> None:

@@ -48,6 +48,17 @@ def test_mark_and_space_parity_are_more_than_odd_and_even(form: str) -> None:
     assert refused_settings([0, 0, flags | 0o10000000000, 0, 13, 13, []], other) != ""
 
 
+def test_a_handshake_that_the_driver_does_not_keep_is_found() -> None:
+    """(5.3; fault A8) Drivers without it clear the flag in silence, and 128 bytes of a chip run on behind CTS."""
+    plain, by_lines = termios.CS8, termios.CS8 | termios.CRTSCTS
+    assert refused_settings([0, 0, plain, 0, 13, 13, []], Link(handshake="rtscts")) == "handshake rtscts"
+    assert refused_settings([0, 0, by_lines, 0, 13, 13, []], Link(handshake="rtscts")) == ""
+    assert refused_settings([0, 0, plain, 0, 13, 13, []], Link(handshake="driver")) == "handshake driver"
+    assert refused_settings([termios.IXON, 0, plain, 0, 13, 13, []], Link(handshake="driver")) == ""
+    for handshake in ("xonxoff", "dtrdsr", "none"):
+        assert refused_settings([0, 0, plain, 0, 13, 13, []], Link(handshake=handshake)) == ""  # type: ignore[arg-type]
+
+
 def test_a_rate_that_the_driver_did_not_take_is_found() -> None:
     """(5.4; fault A8) 115200 asked, 9600 got; a rate without a constant of its own is not read back."""
     fast = termios.B115200
