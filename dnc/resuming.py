@@ -27,6 +27,7 @@ from dnc.restart import RestartPoint, first_optional_line, restart_at_line, rest
 from dnc.sidecar import Point, Sidecar, State, load_sidecar
 from dnc.stopped import identity_of_job, lines_in_doubt, name_of, stopped_job
 from dnc.tape import Tape
+from planner.files import read_program
 from planner.job import Job
 
 
@@ -82,12 +83,13 @@ def plan_restart(
 
     Tool radii are the job's; without one that of the sidecar's tool is known. `machine` is its name and profile. A
     rehearsal has no port: it takes the last job that was none.
-    Raises JournalMismatch (no such job, another program or machine), InputRejected (no such block, not to be restored),
-    SettingsRejected (a control of another language).
+    Raises JournalMismatch (no such job, another program or machine), InputRejected (no such block, not to be restored,
+    written anew since the tape was made), SettingsRejected (a control of another language).
     """
     profile = machine[1]
     refuse_other_dialect(profile)
-    data = program.read_bytes()
+    data = read_program(program)
+    refuse_changed(program, data, tape)
     sidecar = _sidecar_of(program, data)
     points = sidecar.restart_points
     radii_mm = {sidecar.state.tool: sidecar.radius_mm} if job is None else job.tool_radii_mm
@@ -147,6 +149,12 @@ def confirm(plan: Plan, *, is_yes: bool) -> None:
         raise click.UsageError("a restart is confirmed at a terminal, or with --yes")
     if not click.confirm("Send it?", default=False, err=True):
         raise OperatorAbort("not confirmed; nothing was sent")
+
+
+def refuse_changed(program: Path, data: bytes, tape: Tape) -> None:
+    """Raise InputRejected if the file is no longer what was spooled: its lines are others than those on the tape."""
+    if hashlib.sha256(data).hexdigest() != tape.program_sha256:
+        raise InputRejected("was written anew while it was examined", path=program, remedy="send it once more")
 
 
 def refuse_findings(program: Path, profile: MachineProfile, job: Job | None) -> None:

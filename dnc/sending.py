@@ -29,7 +29,7 @@ from dnc.progress import Ticker, event_lines, job_line, silence_output, tell, wo
 from dnc.spool import load_tape
 from dnc.stamp import refuse_contradiction
 from dnc.tape import Tape
-from planner.files import check_outputs, write_file
+from planner.files import check_outputs, read_program, write_file
 from planner.job import Job as PlannedJob
 from planner.job import load_job
 
@@ -82,9 +82,10 @@ def send(wishes: Wishes) -> int:
     try:
         refuse_contradiction(tape, profile, wishes.program)
         if wishes.check_first:
-            from dnc.resuming import refuse_findings
+            from dnc.resuming import refuse_changed, refuse_findings
 
             refuse_findings(wishes.program, profile, job)
+            refuse_changed(wishes.program, read_program(wishes.program), tape)
         if wishes.start_at is not None or wishes.resume:
             tape, plan = _restarted(tape, profile, wishes, job)
         with _port(wishes, profile) as (port, profile, mill):

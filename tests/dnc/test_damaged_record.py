@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dnc.cli.main import run_with
-from dnc.errors import JournalMismatch
+from dnc.errors import InputRejected, JournalMismatch
 from dnc.events import JobState
 from dnc.job import Job
 from dnc.journal import Journal
@@ -95,6 +95,36 @@ def test_a_job_that_may_have_been_the_last_one_is_not_passed_over(
             (folder / "job.json").write_bytes(text)
         with pytest.raises(JournalMismatch, match=f"the job {JOB}1, later than {JOB}0, .* which program it sent"):
             plan_restart(program, tape, ("mill", profile), None, None, port=None, is_forced=False)
+
+
+@pytest.mark.parametrize("is_gone", [False, True])
+@pytest.mark.parametrize("start_at", ["N2", None])
+def test_a_program_written_anew_meanwhile_is_no_program_to_restart(
+    tmp_path: Path, is_gone: bool, start_at: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """(5.6, 5.7) The lines in doubt are those of the tape; planned again during a long --check they are others."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    program = planned(tmp_path, passes=40)
+    profile = load_profile(shipped_path("machines", "sinumerik-840d"))
+    with closing(load_tape(program, profile.tape, tmp_path / "spool")) as tape:
+        older = {"job": f"{JOB}0", "outcome": "ABORTED", "program_sha256": tape.program_sha256, "in_doubt": [450, 460]}
+        append_record(tmp_path / "state/dnc", older)
+        planned(tmp_path, passes=41)
+        if is_gone:
+            program.unlink()
+        with pytest.raises(InputRejected, match="is not there" if is_gone else "written anew"):
+            plan_restart(program, tape, ("mill", profile), start_at, None, port=None, is_forced=False)
+
+
+def test_what_was_checked_is_what_is_sent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(5.6) Planned again during a long --check, the new program was found good and the old one sent."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    program = planned(tmp_path, passes=40)
+    monkeypatch.setattr("dnc.resuming.refuse_findings", lambda *_: planned(tmp_path, passes=41))
+    assert run_with(["send", str(program), "--port", str(tmp_path / "none"), "--check"]) == 3
+    assert "written anew while it was examined" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("damage", [{"in_doubt": "x"}, {"in_doubt": [1]}, {"restart": {"line": 5}}])
