@@ -58,14 +58,14 @@ def test_nothing_stands_higher_than_asked_up_to_every_corner(patch: NurbsPatch, 
 
 
 def test_passes_cross_a_round_border_where_it_is() -> None:
-    """Not where the chord between two samples is: on a level part at x = 2 - 8 t + 9 t^2, t = y / 20."""
+    """Not where the chord between two samples is: on a level part at x = 2 - 8 t + 9 t^2, y = 12 t + 8 t^2."""
     ends = np.array([[2.0, -2.0, 3.0], [20.0, 20.0, 20.0]]).T
-    points = np.stack([ends, np.stack([[0.0, 10.0, 20.0]] * 2, axis=1), np.zeros((3, 2))], axis=2)
+    points = np.stack([ends, np.stack([[0.0, 6.0, 20.0]] * 2, axis=1), np.zeros((3, 2))], axis=2)
     patch = NurbsPatch(2, 1, np.array([0.0, 0, 0, 1, 1, 1]), np.array([0.0, 0, 1, 1]), points)
     ground = prepare(patch, Wishes(R, 0.0, None, 1.9))
     planes_mm = np.array([1.0, 7.0, 13.3])
     passes, x, parameters = crossings(ground.surface, ground.border, planes_mm)
-    t = planes_mm[passes] / 20
+    t = (np.sqrt(144 + 32 * planes_mm[passes]) - 12) / 16
     assert np.abs(x - np.where(x < 10, 2 - 8 * t + 9 * t**2, 20.0)).max() < 1e-9
     assert np.abs(parameters[0] - t).max() < 1e-9
 
