@@ -138,15 +138,20 @@ def crossings(surface: OffsetSurface, border: Border, planes_mm: Array) -> tuple
     passes -= np.repeat(np.cumsum(last - first) - (last - first), last - first)
     onward = there[stretch]
     share = (planes_mm[passes] - y[stretch]) / (y[onward] - y[stretch])
-    start = border.parameters[:, stretch]
-    parameters = start + share * (border.parameters[:, onward] - start)
+    start, stop = border.parameters[:, stretch], border.parameters[:, onward]
+    parameters = start + share * (stop - start)
     runs_u = (border.held[stretch] == Held.V.value).astype(np.float64)
     for _ in range(8):
         found = surface.evaluate(parameters[0], parameters[1])
         climb = np.where(runs_u > 0, found.centre_u[1], found.centre_v[1])
         with np.errstate(divide="ignore", invalid="ignore"):
             step = np.nan_to_num((planes_mm[passes] - found.centre[1]) / climb)
-        parameters += np.stack([runs_u * step, (1 - runs_u) * step])
+        # A side that runs along the pass has its crossing anywhere, but not beyond the stretch.
+        parameters = np.clip(
+            parameters + np.stack([runs_u * step, (1 - runs_u) * step]),
+            np.minimum(start, stop),
+            np.maximum(start, stop),
+        )
     found = surface.evaluate(parameters[0], parameters[1])
     return passes, found.centre[0], parameters
 

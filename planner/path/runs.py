@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from planner.path.coverage import BorderHeights, GapCusps
 from planner.path.folds import walk
 from planner.path.offset import OffsetSurface
+from planner.surface.curvature import span_places
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -138,5 +139,17 @@ def _goes_on(surface: OffsetSurface, planes_mm: Array, gaps: Pieces) -> Flags:
         start, stop = gaps.x[doubt].T
         found, is_reached = walk(surface, y[doubt], start, here[:, doubt], stop)
         away = np.abs(found.parameters.T - there[:, doubt]) / np.ptp(surface.patch.domain, axis=1)[:, None]
+        is_closed = np.array(_closes(surface))[:, None]
+        away = np.where(is_closed, np.abs(away - np.round(away)), away)
         goes_on[doubt] = is_reached & (away.max(axis=0) <= SAME_PLACE)
     return goes_on
+
+
+def _closes(surface: OffsetSurface) -> tuple[bool, bool]:
+    """Whether the patch closes upon itself in u, and in v."""
+    patch = surface.patch
+    u, v = (span_places(basis, 6) for basis in (patch.basis_u, patch.basis_v))
+    over_u = [patch.evaluate(np.full(len(v), end), v).point for end in patch.domain[0]]
+    over_v = [patch.evaluate(u, np.full(len(u), end)).point for end in patch.domain[1]]
+    in_u, in_v = (bool(np.abs(last - first).max() <= SEAM_MM) for first, last in (over_u, over_v))
+    return in_u, in_v

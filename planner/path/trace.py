@@ -28,6 +28,7 @@ Indices = NDArray[np.intp]
 
 REMEDY = "carry the surface on past that border, or give a smaller tool, pick feed or scallop, or another angle_deg"
 OTHER_PART = 100.0  # of a gap's length: further off its middle lies the middle of parameters that are no neighbours
+SEAM = 0.5  # of the domain: parameters further apart than that are no neighbours, but for a closed patch
 PATIENCE = 4  # halvings before a gap that stays wide is looked into
 
 
@@ -117,7 +118,9 @@ def trace(
         elif turn >= PATIENCE:
             call_back(surface, owner, offsets, nodes, wide)
         middle = (nodes.points[wide, 0] + nodes.points[wide + 1, 0]) / 2
-        guess = (nodes.parameters[wide] + nodes.parameters[wide + 1]).T / 2
+        guess = _parameters_between(
+            surface, nodes.parameters[wide], nodes.parameters[wide + 1], np.full(len(wide), 0.5)
+        )
         more, is_more = solve_on_planes(surface, offsets[owner[wide]], middle, guess)
         is_found = np.insert(np.ones(len(owner), dtype=bool), wide + 1, is_more)
         nodes = nodes.with_more(wide + 1, more)
@@ -202,5 +205,14 @@ def _between_nodes(curve: TracedCurve, arc_mm: Array) -> tuple[Array, Array]:
         [curve.points[right, 0], curve.tangents[right, 0], -curve.tangents[right, 1] * curve.curvatures[right]],
     )
     share_w = (w_mm - curve.points[left, 0]) / (curve.points[right, 0] - curve.points[left, 0])
-    guess = curve.parameters[left] + share_w[:, None] * (curve.parameters[right] - curve.parameters[left])
-    return w_mm, guess.T.copy()
+    return w_mm, _parameters_between(curve.surface, curve.parameters[left], curve.parameters[right], share_w)
+
+
+def _parameters_between(surface: OffsetSurface, left: Array, right: Array, share: Array) -> Array:
+    """Guesses (2, k) of the parameters at shares (k,) of the way from nodes `left` (k, 2) to nodes `right`.
+
+    Across the seam of a closed patch the way leads once around: the nearer node's own are taken there.
+    """
+    is_seam = (np.abs(right - left) > SEAM * np.ptp(surface.patch.domain, axis=1)).any(axis=1)
+    share = np.where(is_seam, np.rint(share), share)
+    return np.ascontiguousarray((left + share[:, None] * (right - left)).T)

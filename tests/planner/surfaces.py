@@ -84,6 +84,17 @@ def sphere_patch(radius_mm: float = 25.0, reach: float = 0.25) -> NurbsPatch:
     return NurbsPatch(2, 2, knots, knots, points, weights)
 
 
+def cone_patch(inner_mm: float = 9.0, outer_mm: float = 16.0, drop_mm: float = 7.0) -> NurbsPatch:
+    """A whole ring of a cone that closes upon itself at y = 0, x > 0: rational quadratic in u, around it."""
+    half = np.sqrt(0.5)
+    ring = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]], dtype=float)
+    weights = np.array([1, half, 1, half, 1, half, 1, half, 1])
+    sides = [np.column_stack([radius * ring, np.full(9, z)]) for radius, z in ((outer_mm, -drop_mm), (inner_mm, 0.0))]
+    knots = np.array([0.0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4])
+    points, linear = np.stack(sides, axis=1), np.array([0.0, 0, 1, 1])
+    return NurbsPatch(2, 1, knots, linear, points, np.stack([weights, weights], axis=1))
+
+
 def random_patch(seed: int) -> tuple[NurbsPatch, Wishes]:
     """A smooth bicubic patch of 20 to 60 mm with random heights that a ball can follow, and what to cut it with."""
     rng = np.random.default_rng(seed)

@@ -50,6 +50,10 @@ def test_no_pass_that_meets_two_legs_past_their_ends_only_crosses_the_slot(rise_
     assert not any(crosses_slot(curve) for curve in curves)
     for curve in past:
         assert np.ptp(curve.points[:, 1]) < 1e-9
+    ends = [np.sort(np.abs(curve.points[[0, -1], 0])) for curve in past[1:3]]
+    for inner, outer in ends:  # short pieces are made longer, on both sides
+        assert inner < 3.0
+        assert outer > 4.1
 
 
 def test_a_pass_across_two_parts_is_refused_as_such() -> None:

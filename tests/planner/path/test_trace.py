@@ -13,6 +13,7 @@ from planner.surface.load import load_surface
 from planner.surface.patch import NurbsPatch
 from tests.planner.surfaces import (
     clamped,
+    cone_patch,
     cylinder_patch,
     plane_patch,
     slope_patch,
@@ -29,10 +30,11 @@ PATCHES = {
     "plane": plane_patch(),
     "cylinder": cylinder_patch(),
     "sphere": sphere_patch(),
+    "cone": cone_patch(),
 }
 
 
-@pytest.mark.parametrize("angle_deg", [0.0, 37.0])
+@pytest.mark.parametrize("angle_deg", [0.0, 37.0, 90.0])
 @pytest.mark.parametrize("name", PATCHES)
 def test_every_point_is_the_ball_touching_the_surface_in_the_plane(name: str, angle_deg: float) -> None:
     """(1.2) |CL - CC| = R along the normal, CL in the plane, tangent and curvature as the points themselves say."""
