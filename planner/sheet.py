@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from planner.plan import Planned
 
 _STYLE = Path(__file__).with_name("sheet.css")
+_FROM_ABOVE = "From above, X to the right, Y up: cutting moves (blue), zero point (red), where the cut begins (green)"
+_FROM_FRONT = "From the front, X to the right, Z up: the first, the middle and the last cut"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +91,9 @@ def render_sheet(facts: SheetFacts) -> str:
         "</tbody></table></section>",
         "<section class=views><figure>",
         top_view(facts.lines, facts.stock_box_mm),
-        "<figcaption>From above: cutting moves, stock, zero point</figcaption></figure><figure>",
+        f"<figcaption>{_FROM_ABOVE}</figcaption></figure><figure>",
         side_view(facts.lines, facts.stock_box_mm),
-        "<figcaption>From the front: X to the right, Z up</figcaption></figure></section>",
+        f"<figcaption>{_FROM_FRONT}</figcaption></figure></section>",
         "<footer>No key of this program is an emergency stop. Set up by: ______________ Date: ____________</footer>",
         "</body></html>",
     ]
@@ -167,12 +169,25 @@ def _plan_facts(planned: Planned) -> SheetFacts:
             ("Spindle", f"{operation.spindle_rpm:g} rpm, coolant {operation.coolant}"),
             ("Feed", f"{operation.cut_mm_min:g} mm/min, plunge {operation.plunge_mm_min:g} mm/min"),
             ("Passes", f"{report['passes']}, scallop {1000 * report['scallop_mm']:.1f} µm"),
+            *_edge_rows(job.operation[0].edge),
             ("Program", f"{report['blocks']} blocks, {report['bytes']} bytes"),
             ("Feed limit of the line", _feed_limits(report)),
         ),
         warnings=planned.warnings,
         lines=lines,
     )
+
+
+def _edge_rows(edge: str) -> list[tuple[str, str]]:
+    """What the person who clamps must know of the strip beside the part."""
+    if edge != "roll-over":
+        return []
+    return [
+        (
+            "Edge",
+            "roll-over: the ball goes down beside the part, about one pick feed out; keep clamps clear of that strip",
+        )
+    ]
 
 
 def _feed_limits(report: dict[str, Any]) -> str:

@@ -44,6 +44,7 @@ def plot_deviation(verdict: Verdict, path: Path, dwells_mm: Sequence[Vector] = (
 
     figure = Figure(figsize=(12, 10), layout="constrained")
     FigureCanvasAgg(figure)
+    figure.suptitle("SIMULATED: what the virtual mill left of the part")
     (plan, side), (relief, section) = figure.subplots(2, 2, width_ratios=[3, 2])
     _draw_map(figure, plan, verdict)
     if dwells_mm:
@@ -68,16 +69,26 @@ def _draw_map(figure: Any, axes: Any, verdict: Verdict) -> None:
             beyond = np.ma.masked_where(mapped.is_accessible[:-1, :-1], np.ones(np.subtract(x.shape, 1)))
             axes.pcolormesh(x, y, beyond, cmap="Wistia", vmin=1, vmax=3)
         shades.set_in_layout(False)  # measuring a mesh of so many cells for the layout takes longer than drawing it
-    figure.colorbar(shades, ax=axes, label="deviation in µm: + material left, - gouge", shrink=0.8)
+    ends = ends_beyond(verdict, limit_um)
+    figure.colorbar(shades, ax=axes, label="deviation in µm: + material left, - gouge", shrink=0.8, extend=ends)
     for places, mark in ((verdict.scallops[:1], "^"), (verdict.gouges[:1], "v")):
         for place in places:
-            axes.plot(*place.position_mm[:2], mark, color="black", markerfacecolor="none")
+            axes.plot(*place.position_mm[:2], mark, color="black", markerfacecolor="none", clip_on=False)
     axes.set(aspect="equal", xlabel="X in mm", ylabel="Y in mm")
     axes.set_title(
         f"scallop {verdict.scallop_mm * 1000:.2f} µm (triangle up), gouge {verdict.gouge_mm * 1000:.2f} µm (down)\n"
         f"covered {verdict.coverage * 100:.2f} %; grey: not reached"
         + (f"; yellow: this cutter cannot, {verdict.inaccessible * 100:.2f} %" if verdict.inaccessible > 0 else "")
     )
+
+
+def ends_beyond(verdict: Verdict, limit_um: float) -> str:
+    """Which ends of the scale are darker than what they stand for, in the words of the drawing library."""
+    heights_um = np.concatenate([1000 * each.height_mm[np.isfinite(each.height_mm)] for each in verdict.maps])
+    is_low, is_high = (bool((side * heights_um > 1.001 * limit_um).any()) for side in (-1, 1))
+    return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[
+        is_low, is_high
+    ]
 
 
 def _draw_dwells(axes: Any, dwells_mm: Sequence[Vector]) -> None:
@@ -96,6 +107,7 @@ def _draw_histogram(axes: Any, verdict: Verdict) -> None:
     areas = np.concatenate([each.net.area_mm2[each.is_covered] for each in verdict.maps])
     axes.hist(heights, bins=120, weights=100 * areas / max(areas.sum(), 1e-300), color="#456990")
     axes.set(xlabel="deviation in µm", ylabel="share of the covered area in %", yscale="log")
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.set_title(f"{heights.size} probes, pitch {verdict.probe_pitch_mm:g} mm")
 
 

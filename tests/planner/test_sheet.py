@@ -45,6 +45,22 @@ def test_everything_a_setter_needs_is_said() -> None:
     assert "0 to 52 x 0 to 52 x -20 to 4 mm" in page
 
 
+def test_the_pictures_say_what_their_marks_are() -> None:
+    """(2.6) A green dot had no meaning, and the side view showed three cuts without saying so."""
+    page = render_sheet(facts())
+    for words in ("Y up", "zero point (red)", "where the cut begins (green)", "the first, the middle and the last cut"):
+        assert words in page, words
+
+
+@pytest.mark.parametrize("edge", ["roll-over", "to-border"])
+def test_who_clamps_hears_of_a_ball_that_goes_down_beside_the_part(edge: str, tmp_path: Path) -> None:
+    """(2.6) Over the edge the tip goes outside the part and below its border."""
+    job = THESIS.read_text().replace("../surfaces", str(THESIS.parents[1] / "surfaces"))
+    (tmp_path / "job.toml").write_text(job.replace('edge = "to-border"', f'edge = "{edge}"'))
+    page = plan_sheet(plan_job(tmp_path / "job.toml", ControlLimits()))
+    assert ("keep clamps clear of that strip" in page) == (edge == "roll-over")
+
+
 HOLLOW = """degree = [2, 1]
 knots_u = [0, 0, 0, 1, 1, 1]
 knots_v = [0, 0, 1, 1]

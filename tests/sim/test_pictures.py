@@ -12,7 +12,7 @@ from sim.deviation import Verdict, judge
 from sim.errors import InputRejected
 from sim.export import write_map
 from sim.interpreter.canon import Line, Motion
-from sim.plot import PlotUnavailable, plot_deviation, require_drawing
+from sim.plot import PlotUnavailable, ends_beyond, plot_deviation, require_drawing
 from sim.section import section_at
 from sim.stock import stock_after
 from sim.tool import BallTool, BluntTool
@@ -90,6 +90,18 @@ def test_picture_is_a_png(verdict: Verdict, tmp_path: Path) -> None:
     assert data.startswith(b"\x89PNG")
     assert struct.unpack(">II", data[16:24]) > (1000, 800)
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_picture_says_that_it_is_simulated_and_where_its_scale_ends(
+    verdict: Verdict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """(3.5, O7) It bore no SIMULATED, and 1 mm of material had the colour of 0.1 mm without a word."""
+    said: list[str] = []
+    monkeypatch.setattr(matplotlib.figure.Figure, "suptitle", lambda _figure, text: said.append(text))
+    plot_deviation(verdict, tmp_path / "map.png")
+    assert [text.split(":")[0] for text in said] == ["SIMULATED"]
+    assert ends_beyond(verdict, 1e6) == "neither"
+    assert [ends_beyond(verdict, limit_um) for limit_um in (29.0, 31.0)] == ["both", "max"]
 
 
 def test_picture_of_a_perfect_part(tmp_path: Path) -> None:
@@ -208,6 +220,7 @@ def test_page_in_a_real_browser(verdict: Verdict, tmp_path: Path) -> None:
         status, marked = page.inner_text("#status"), page.inner_text("#program .here")
         page.mouse.wheel(0, -300)
         scale = page.evaluate("view.scale")
+        key = page.inner_text("#key")
         page.mouse.move(x + 1, y)
         browser.close()
     assert faults == []
@@ -215,6 +228,8 @@ def test_page_in_a_real_browser(verdict: Verdict, tmp_path: Path) -> None:
     assert "line 7" in status
     assert "N70 G1 X15 Y5" in marked
     assert scale > 0
+    assert "not reached" in key
+    assert "µm left" in key
 
 
 def test_a_missing_drawing_library_is_known_before_the_cut(monkeypatch: pytest.MonkeyPatch) -> None:
