@@ -143,10 +143,9 @@ def _progress(known: Known, columns: int) -> Row:
 
 
 def _name_of(known: Known, width: int) -> str:
-    """The program's name in so many columns; of a long one begin and end, for names often differ at the end only."""
+    """The program's name in at most so many columns; of a long one begin and end, as names often differ at the end."""
     name = str(known.job.snapshot.get("program", "")).rpartition("/")[2] if known.job is not None else ""
-    width = min(width, 60)
-    return f"{name:<{width}}" if len(name) <= width else f"{name[: width - 13]}~{name[-12:]}"
+    return f"{name:<20}" if len(name) <= width else f"{name[: width - 13]}~{name[-12:]}"
 
 
 def _middle(known: Known, columns: int, height: int) -> tuple[list[Row], int]:
