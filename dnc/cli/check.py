@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from dnc.check.sheet import SheetWatch
 
 
-@click.command(epilog="Example: dnc check part.mpf --machine sinumerik-840d --job job.toml")
+@click.command(
+    short_help="list what is wrong with a program; nothing moves",
+    epilog="Example: dnc check part.mpf --machine sinumerik-840d --job job.toml",
+)
 @click.argument("program", type=File())
 @machine_option
 @click.option(

@@ -10,7 +10,10 @@ import click
 from dnc.cli._options import machine_option
 
 
-@click.command(epilog="Example: dnc console --machine sinumerik-840d")
+@click.command(
+    short_help="watch the running job and its machine; hold, resume, abort",
+    epilog="Example: dnc console --machine sinumerik-840d",
+)
 @machine_option
 @click.option("--modbus", metavar="HOST:PORT", envvar="DNC_MODBUS", help="in place of the profile's")
 @click.option("--low-power", is_flag=True, help="redraw once a second in place of twice")

@@ -11,7 +11,9 @@ from dnc.cli._options import File, Folder
 from dnc.numbers import Number
 
 
-@click.command(epilog="Example: dnc demo --out ./dnc-demo")
+@click.command(
+    short_help="the whole chain on the reference part, on the virtual mill", epilog="Example: dnc demo --out ./dnc-demo"
+)
 @click.option("--out", default="./dnc-demo", show_default=True, type=Folder(), help="Folder to fill.")
 @click.option("--machine", default="virtual-mill", show_default=True, help="Machine profile of the mill and the line.")
 @click.option("--job", type=File(), help="Job file; the reference part when left out.")

@@ -10,7 +10,9 @@ import click
 from dnc.cli._options import machine_option
 
 
-@click.command(epilog="Example: dnc doctor --port /dev/ttyUSB0 --loopback")
+@click.command(
+    short_help="what on this computer could spoil a job", epilog="Example: dnc doctor --port /dev/ttyUSB0 --loopback"
+)
 @click.option("--port", help="also open this port, to see that it can be had")
 @click.option("--loopback", is_flag=True, help="a plug joins TX and RX of --port: bytes must come back")
 @machine_option

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dnc.joblist import PastJob
 
 
-@click.command(epilog="Example: dnc jobs --json")
+@click.command(short_help="what was sent from here, when, and how it ended", epilog="Example: dnc jobs --json")
 @click.argument("job", required=False)
 @click.option("--verify", is_flag=True, help="check that no line of the record was changed or removed")
 @click.option("--json", "as_json", is_flag=True, help="one JSON object")

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 
-@click.command(epilog="Example: dnc machines --json")
+@click.command(short_help="the machine profiles that can be named", epilog="Example: dnc machines --json")
 @click.option("--json", "as_json", is_flag=True, help="one JSON object")
 def command(as_json: bool) -> int:
     """List the machine profiles: the shipped ones and those in the user's folder.

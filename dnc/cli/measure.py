@@ -11,7 +11,9 @@ from dnc.cli._options import File
 _PATH = File()
 
 
-@click.command(epilog="Example: dnc measure points.csv --job job.toml --json")
+@click.command(
+    short_help="compare measured points with the design", epilog="Example: dnc measure points.csv --job job.toml --json"
+)
 @click.argument("points", type=_PATH)
 @click.option("--job", type=_PATH, required=True, help="job file: the design surface")
 @click.option("--report", type=_PATH, help="write the report (JSON)")

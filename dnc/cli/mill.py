@@ -10,7 +10,10 @@ from dnc.cli._options import File, Folder, Format, machine_option
 from dnc.numbers import Number, Whole
 
 
-@click.command(epilog="Example: dnc mill --speed 100 --link /tmp/mill --nominal thesis.toml --report mill.json")
+@click.command(
+    short_help="be the virtual mill behind a pseudo-terminal (SIMULATED)",
+    epilog="Example: dnc mill --speed 100 --link /tmp/mill --nominal thesis.toml --report mill.json",
+)
 @machine_option
 @click.option("--link", type=File(), help="symbolic link to its pseudo-terminal")
 @click.option("--modbus", metavar="HOST:PORT", help="serve status there; port 0: any free one")

@@ -23,7 +23,10 @@ def _not_built(ctx: click.Context, param: click.Parameter, value: str | None) ->
         raise click.UsageError(f"{param.opts[0]} is not built yet", ctx)
 
 
-@click.command(epilog="Example: dnc plan configs/jobs/thesis.toml -o part.mpf --report plan.json --plot plan.png")
+@click.command(
+    short_help="plan a job and write its program",
+    epilog="Example: dnc plan configs/jobs/thesis.toml -o part.mpf --report plan.json --plot plan.png",
+)
 @click.argument("job", type=File())
 @click.option("-o", "--output", required=True, type=File(), help="the program to write")
 @machine_option

@@ -8,7 +8,7 @@ import json
 import click
 
 
-@click.command(epilog="Example: dnc ports --json")
+@click.command(short_help="serial ports, their lasting names, and who uses them", epilog="Example: dnc ports --json")
 @click.option("--json", "as_json", is_flag=True, help="one JSON object")
 def command(as_json: bool) -> None:
     """List serial ports with their lasting names, their driver and who uses them.

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from dnc.receiving import Haul
 
 
-@click.command(epilog="Example: dnc receive --port /dev/ttyUSB0 -o programs/ --count 1")
+@click.command(
+    short_help="store programs that the control punches out",
+    epilog="Example: dnc receive --port /dev/ttyUSB0 -o programs/ --count 1",
+)
 @click.option("--port", required=True, envvar="DNC_PORT", help="device, pty, socket://host:port or rfc2217://host:port")
 @click.option("-o", "--output", "folder", required=True, type=Folder(), help="folder for the programs")
 @machine_option

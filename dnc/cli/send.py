@@ -12,7 +12,10 @@ from dnc.numbers import LONGEST_S, Number
 _HANDSHAKES = ["xonxoff", "driver", "rtscts", "dtrdsr", "none"]
 
 
-@click.command(epilog="Example: dnc send part.mpf --port /dev/ttyUSB0 --machine sinumerik-840d --report sent.json")
+@click.command(
+    short_help="drip-feed a program to a control, or rehearse it",
+    epilog="Example: dnc send part.mpf --port /dev/ttyUSB0 --machine sinumerik-840d --report sent.json",
+)
 @click.argument("program", type=File())
 @click.option("--port", envvar="DNC_PORT", help="device, pty, socket://host:port or rfc2217://host:port")
 @machine_option

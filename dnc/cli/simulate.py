@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 _PATH = File()
 
 
-@click.command(epilog="Example: dnc simulate part.mpf --job job.toml --report cut.json --plot cut.png")
+@click.command(
+    short_help="cut and measure a program on the virtual mill, no line",
+    epilog="Example: dnc simulate part.mpf --job job.toml --report cut.json --plot cut.png",
+)
 @click.argument("program", type=_PATH)
 @machine_option
 @click.option("--job", type=_PATH, help="job file: design surface and tool; without it nothing is measured")

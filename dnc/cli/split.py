@@ -11,7 +11,10 @@ from dnc.cli._options import File, Folder, machine_option
 from dnc.numbers import Number, Whole
 
 
-@click.command(epilog="Example: dnc split part.mpf --bytes 30000 -o parts/ --job job.toml")
+@click.command(
+    short_help="cut a program into parts that a control can hold",
+    epilog="Example: dnc split part.mpf --bytes 30000 -o parts/ --job job.toml",
+)
 @click.argument("program", type=File())
 @click.option("-o", "--output", required=True, type=Folder(), help="folder for the parts")
 @click.option("--job", required=True, type=File(), help="job file: heights, plunge feed, dwell")

@@ -14,7 +14,9 @@ from dnc.errors import ExitCode, ModbusUnavailable
 from dnc.numbers import Whole
 
 
-@click.command(epilog="Example: dnc status --machine sinumerik-840d --json")
+@click.command(
+    short_help="read the machine and the running job", epilog="Example: dnc status --machine sinumerik-840d --json"
+)
 @machine_option
 @click.option("--modbus", metavar="HOST:PORT", envvar="DNC_MODBUS", help="in place of the profile's")
 @click.option("--json", "as_json", is_flag=True, help="print JSON, one object a line")

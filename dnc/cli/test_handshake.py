@@ -11,7 +11,10 @@ from dnc.cli._options import baud_option, format_option, machine_option
 from dnc.numbers import LONGEST_S, Number
 
 
-@click.command(epilog="Example: dnc test-handshake --port /dev/ttyUSB0")
+@click.command(
+    short_help="see that the control really stops us over this cable",
+    epilog="Example: dnc test-handshake --port /dev/ttyUSB0",
+)
 @click.option("--port", required=True, envvar="DNC_PORT", help="device or pty")
 @machine_option
 @baud_option

@@ -21,6 +21,14 @@ def test_help_has_an_example(name: str) -> None:
     assert f"dnc {name}" in result.output.split("Example", 1)[-1]
 
 
+def test_the_list_of_commands_is_not_cut_off() -> None:
+    """(2.2) In 80 columns most said half a sentence: "Interpret PROGRAM without moving anything and list..."."""
+    shown = CliRunner().invoke(program, ["--help"], terminal_width=80).output.split("Commands:", 1)[1]
+    lines = shown.strip().splitlines()
+    assert len(lines) == len(COMMANDS)
+    assert not [line for line in lines if "..." in line]
+
+
 def test_help_loads_nothing_heavy() -> None:
     script = (
         "import sys\nfrom click.testing import CliRunner\nfrom dnc.cli.main import program\n"
