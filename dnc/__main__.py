@@ -1,48 +1,20 @@
 """The dnc command; while its parts are loaded an interrupt ends it as it ends any program, without a word."""
 
-import contextlib
-import io
-import os
 import signal
-import sys
-from typing import Any
 
 
 def run() -> None:
     """Load the commands and run one."""
-    _open_standard_streams()
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from dnc.standard_streams import open_standard_streams
+
+    open_standard_streams()
     from dnc.cli.main import run as run_command
 
     signal.signal(signal.SIGINT, before)
     run_command()
-
-
-def _open_standard_streams() -> None:
-    """The null device for those that are closed: a port would get their number, and messages would go to the mill."""
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
-        if getattr(sys, name) is None:
-            os.dup2(os.open(os.devnull, os.O_RDWR), number)
-            if name != "stderr":
-                setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w"))
-    sys.stderr = io.TextIOWrapper(
-        io.BufferedWriter(_Lossy(2, "w", closefd=False)),
-        encoding=getattr(sys.stderr, "encoding", "utf-8"),
-        errors="backslashreplace",
-        line_buffering=True,
-    )
-
-
-class _Lossy(io.FileIO):
-    """What stderr cannot take is lost: no full disk or gone reader behind it may end a job or change its exit code."""
-
-    def write(self, data: Any, /) -> int:
-        """As a file does, but what meets an error counts as written."""
-        with contextlib.suppress(OSError):
-            return super().write(data)
-        return len(data)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, TypeVar
@@ -135,7 +136,12 @@ def _child(setup: Setup) -> Iterator[tuple[BaseProcess, Wire]]:
     ours, theirs = socket.socketpair()
     context = multiprocessing.get_context("spawn")
     child = context.Process(target=run_control, args=(theirs, setup), name="control")
-    child.start()
+    resource_tracker.ensure_running()  # it would let the signals through again if it began only with the child
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        child.start()  # Ctrl-C goes to it too, and while it still loads its parts it would end with a traceback
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
     theirs.close()
     try:
         yield child, Wire(ours)

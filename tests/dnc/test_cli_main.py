@@ -219,7 +219,8 @@ def test_a_lost_stderr_changes_no_exit_code(words: list[str], code: int, where: 
 
 def test_closed_streams_take_no_number_that_a_port_would_get() -> None:
     """(fault O2) What is opened behind a closed stderr must not be what messages are written to."""
-    probe = "from dnc.__main__ import _open_standard_streams as o; o(); import os, sys; sys.exit(os.open('/', 0) < 3)"
+    opened = "from dnc.standard_streams import open_standard_streams; open_standard_streams()"
+    probe = f"{opened}; import os, sys; sys.exit(os.open('/', 0) < 3)"
     done = subprocess.run(["/bin/sh", "-c", f'exec {sys.executable} -c "{probe}" >&- 2>&- <&-'], check=False)
     assert done.returncode == 0
 
