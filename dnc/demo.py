@@ -25,8 +25,9 @@ from planner.files import made_folder, write_file
 from sim.lifeline import end_with_parent
 
 _MEASURED = (
-    *("alarms", "machining_time_s", "starved_s", "blocks"),
-    *("scallop_mm", "gouge_mm", "deviation_mm", "coverage", "probe_pitch_mm"),
+    *("sha256", "is_completed", "alarms", "machining_time_s", "starved_s", "blocks", "peak_acceleration_mm_s2"),
+    *("peak_jerk_mm_s3", "scallop_mm", "gouge_mm", "deviation_mm", "coverage", "inaccessible", "probe_pitch_mm"),
+    *("probes", "reach_mm", "worst_scallops", "worst_gouges"),
 )
 _WAITS = re.compile(rb"T\d|S\d|G4 |M8")
 
@@ -81,10 +82,16 @@ def run_chain(folder: Path, settings: Settings, say: Say) -> Report:
         "window": window,
         "send": send,
         "mill": mill,
-        "simulate": {key: mill[key] for key in _MEASURED},
+        "simulate": _simulated(program, settings.machine, mill),
     }
     _write_json(folder / "report.json", report)
     return report
+
+
+def _simulated(program: Path, machine: str, mill: Report) -> Report:
+    """What the mill cut and measured, in the words of the report of `dnc simulate`."""
+    heading = {"schema": "dripmill.simulate", "version": 1, "simulated": True}
+    return heading | {"program": program.name, "machine": machine} | {key: mill[key] for key in _MEASURED}
 
 
 def _plan(folder: Path, program: Path, settings: Settings) -> Report:

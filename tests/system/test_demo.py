@@ -21,7 +21,8 @@ def test_demo_measures_what_was_planned(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     report = validated(done.stdout)
-    for part in (report["plan"], report["check"], report["send"], report["mill"], *report["window"].values()):
+    parts = (report[name] for name in ("plan", "check", "send", "mill", "simulate"))
+    for part in (*parts, *report["window"].values()):
         if isinstance(part, dict):
             validated(json.dumps(part))
     assert report == json.loads((tmp_path / "report.json").read_text())
