@@ -40,7 +40,8 @@ def command(port: str | None, loopback: bool, machine: str, as_json: bool) -> in
             what, _, remedy = str(problem).partition("; ")
             findings.append(Finding("port", False, what, remedy))
         else:
-            findings.append(Finding("port", True, f"{port} can be opened"))
+            label = "SIMULATED: " if opened.is_simulated else ""
+            findings.append(Finding("port", True, f"{label}{port} can be opened"))
             if loopback:
                 findings.append(probe_loopback(opened))
             opened.close()

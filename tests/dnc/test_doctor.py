@@ -296,6 +296,16 @@ def test_a_device_server_can_be_examined() -> None:
         assert examined("--port", f"socket://127.0.0.1:{server.getsockname()[1]}")["is_good"]
 
 
+def test_a_pseudo_terminal_is_labelled() -> None:
+    """(Interface, section 1; O7) A port of the virtual mill looked like one that leads to a control."""
+    master, slave = os.openpty()
+    try:
+        assert str(examined("--port", os.ttyname(slave))["text"]).startswith("SIMULATED: /dev/pts/")
+    finally:
+        os.close(slave)
+        os.close(master)
+
+
 def record(job: str, outcome: str = "SENT") -> dict[str, object]:
     return {"job": job, "outcome": outcome, "program": "a.mpf", "bytes_sent": 5, "bytes_total": 5}
 
