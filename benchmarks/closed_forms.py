@@ -15,7 +15,8 @@ from sim.interpreter.canon import Line, Motion
 from sim.nominal import Nominal
 from sim.tool import BallTool, BluntTool, Tool
 from tests.sim.surfaces import cylinder, nominal_of, plane
-from tests.sim.test_closed_forms import R, passes, touching
+from tests.sim.test_closed_forms import R, passes
+from tests.sim.test_closed_forms_blunt import touching
 
 Case = tuple[str, Nominal, Tool, list[Motion], float]
 
