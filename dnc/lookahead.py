@@ -124,13 +124,18 @@ def _blocks_before(tape: Tape, line: int) -> Iterator[_Block]:
             for axis, value in block.values.items():
                 later = newest.get(axis)
                 if later is not None:
-                    later.is_move = later.is_move or later.values[axis] != value
+                    later.is_move = later.is_move or _is_elsewhere(later.values[axis], value)
                     later.unknown_axes -= 1
                 newest[axis] = block
         waiting.append(block)
         while waiting and (waiting[0].is_move or not waiting[0].unknown_axes or len(waiting) > _WAITING_BLOCKS):
             yield waiting.popleft()
     yield from waiting
+
+
+def _is_elsewhere(value: float | bytes, before: float | bytes) -> bool:
+    """Whether an axis surely moves to this value; what an expression gives nobody knows."""
+    return isinstance(value, float) and isinstance(before, float) and value != before
 
 
 def _value(text: bytes) -> float | bytes:

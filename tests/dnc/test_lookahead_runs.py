@@ -62,3 +62,15 @@ def test_a_move_to_where_the_axes_stand_takes_no_place_in_a_look_ahead(tmp_path:
             first = first_unsure_line(tape, tape.lines.offset_of(tape, read + 1), BLOCKS)
             assert first <= executing
         assert first > len(lines) - 4 * (BLOCKS + 2)
+
+
+def test_two_spellings_of_one_place_take_no_place_in_a_look_ahead(tmp_path: Path) -> None:
+    """(5.7) X=3+4 behind X7 counted as a move: lines were executed that still lay before the tool."""
+    lines = [*HEAD, b"G1 X7 F250"]
+    for number in range(1, 41):
+        lines += [b"X=3+4", b"X7", b"X=2+5", b"X7", b"Y%d" % number]
+    with closing(tape_of(tmp_path, b"\n".join([*lines, b"M30"]) + b"\n")) as tape:
+        for read, executing in enumerate(executing_before(lines, BLOCKS)):
+            first = first_unsure_line(tape, tape.lines.offset_of(tape, read + 1), BLOCKS)
+            assert first <= executing
+        assert first > len(lines) - 5 * (BLOCKS + 2)
