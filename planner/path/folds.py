@@ -19,6 +19,7 @@ Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 STEPS = 8  # of a walk between two neighbouring nodes
+ASTRAY = 0.25  # of a step: no further off its middle lies the middle of its parameters, unless it leaps
 
 
 def walk_out(surface: OffsetSurface, owner: Indices, offsets_mm: Array, nodes: CurveSamples, is_found: Flags) -> Flags:
@@ -44,20 +45,23 @@ def walk_out(surface: OffsetSurface, owner: Indices, offsets_mm: Array, nodes: C
 
 
 def walk(
-    surface: OffsetSurface, offsets_mm: Array, from_mm: Array, guess: Array, to_mm: Array
+    surface: OffsetSurface, offsets_mm: Array, from_mm: Array, guess: Array, to_mm: Array, steps: int = STEPS
 ) -> tuple[CurveSamples, Flags]:
-    """Solve places w `to_mm` (k,) in short steps from places `from_mm` (k,) with parameters (2, k).
+    """Solve places w `to_mm` (k,) in short `steps` from places `from_mm` (k,) with parameters (2, k).
 
-    Returns the last samples, and which are reached without a fold.
+    Returns the last samples, and which are reached without a fold, and without a leap to another sheet: of every step
+    the middle of the parameters lies near its middle.
     """
-    is_reached = np.ones(len(to_mm), dtype=bool)
-    for step in range(1, STEPS + 1):
-        w_mm = to_mm if step == STEPS else from_mm + (to_mm - from_mm) * step / STEPS
+    is_reached, step_mm = np.ones(len(to_mm), dtype=bool), (to_mm - from_mm) / steps
+    for step in range(1, steps + 1):
+        w_mm = to_mm if step == steps else from_mm + step * step_mm
         found, is_found = solve_on_planes(surface, offsets_mm, w_mm, guess)
-        guess = found.parameters.T.copy()
-        at = surface.evaluate(guess[0], guess[1])
+        after = found.parameters.T.copy()
+        at, middle = surface.evaluate(after[0], after[1]), surface.evaluate(*((guess + after) / 2)).centre
         turn = at.centre_u[0] * at.centre_v[1] - at.centre_u[1] * at.centre_v[0]
-        is_reached &= is_found & (surface.side * turn > 0)
+        off_mm = np.hypot(middle[0] - w_mm + step_mm / 2, middle[1] - offsets_mm)
+        is_reached &= is_found & (surface.side * turn > 0) & (off_mm <= ASTRAY * np.abs(step_mm))
+        guess = after
     return found, is_reached
 
 

@@ -22,6 +22,7 @@ Flags = NDArray[np.bool_]
 
 SEAM_MM = 1e-3  # nearer than this two ends of a patch, or two pieces of a pass, meet
 NEAR_MIDDLE = 0.02  # of a blank: no further from its middle the middle of the parameters at its ends must lie
+STEPS = 64  # over a blank: where the patch nearly folds in it, few lead over the place
 SAME_PLACE = 1e-3  # of the domain: parameters no further apart are those of one place
 
 
@@ -137,7 +138,7 @@ def _goes_on(surface: OffsetSurface, planes_mm: Array, gaps: Pieces) -> Flags:
     doubt = np.flatnonzero(~goes_on)
     if len(doubt):
         start, stop = gaps.x[doubt].T
-        found, is_reached = walk(surface, y[doubt], start, here[:, doubt], stop)
+        found, is_reached = walk(surface, y[doubt], start, here[:, doubt], stop, STEPS)
         away = np.abs(found.parameters.T - there[:, doubt]) / np.ptp(surface.patch.domain, axis=1)[:, None]
         is_closed = np.array(_closes(surface))[:, None]
         away = np.where(is_closed, np.abs(away - np.round(away)), away)

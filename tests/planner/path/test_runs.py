@@ -56,6 +56,20 @@ def test_no_pass_that_meets_two_legs_past_their_ends_only_crosses_the_slot(rise_
         assert outer > 4.1
 
 
+def test_a_pass_is_not_joined_over_a_fold_in_the_round_end_of_a_slot() -> None:
+    """(4.7) Between legs that rise the patch carried on winds like a stair; few steps led over its steep middle."""
+    turn = np.linspace(-np.pi, 0, 9)[1:-1]
+    rows = []
+    for out in (4.0, 14.0):
+        left, right = ([[side * out, y] for y in np.linspace(0, end, 7)] for side, end in ((-1, 23), (1, 60)))
+        rows.append([*left[::-1], *([out * np.cos(one), out * np.sin(one)] for one in turn), *right])
+    climb = np.broadcast_to(np.clip(np.linspace(-1, 2, 21), 0, 1), (2, 21))
+    points = np.concatenate([np.array(rows), climb[..., None]], axis=2)
+    patch = NurbsPatch(1, 3, np.array([0.0, 0, 1, 1]), clamped(21), points)
+    layout = lay_parallel(patch, Wishes(3.0, np.radians(20), None, 4.0), accuracy_mm=1e-7)
+    assert layout.gouge_mm < 1e-7
+
+
 def test_a_pass_across_two_parts_is_refused_as_such() -> None:
     """(4.7) It was told that the patch bends too sharply: the gap beside the jump was looked at, not the jump."""
     ground = prepare(horns(1.0), Wishes(2.0, 0.0, None, 3.9))
