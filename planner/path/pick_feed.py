@@ -61,8 +61,7 @@ def solve_pick_feeds(
     maxima that the surveys have found, so that two that outdo each other in turn are both kept in sight.
     """
     ground = replace(exact, surface=replace(exact.surface, high_mm=high_mm))
-    radius_mm = ground.surface.radius_mm
-    planes = _first_chain(ground, scallop_mm - high_mm * radius_mm / (radius_mm - scallop_mm))
+    planes = _first_chain(ground, left_for_exact_mm(scallop_mm, high_mm, ground.surface.radius_mm))
     peaks, tops = survey(ground, planes, scallop_mm, coarse=4)
     peaks = replace(peaks, missed=0)  # what a wide search loses, the full one may find
     end, is_full, is_strict = ChainEnd.RAN_OUT, False, False
@@ -96,6 +95,11 @@ def solve_pick_feeds(
         peaks = replace(survey_at(exact, planes, tops), missed=peaks.missed)
         peaks = with_one_sided(exact, planes, peaks, scallop_mm - high_mm)
     return PickFeeds(planes, peaks, end)
+
+
+def left_for_exact_mm(scallop_mm: float, high_mm: float, radius_mm: float) -> float:
+    """How high exact passes may leave a cusp on level ground where the written ones stand `high_mm` off, eq. (18)."""
+    return scallop_mm - high_mm * radius_mm / (radius_mm - scallop_mm)
 
 
 def _judged(peaks: Peaks, most_mm: float) -> ChainEnd:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import inf
 
 from planner.errors import InputRejected
 from planner.path.bound import certify_all
@@ -92,7 +93,8 @@ def fit_leanest(curves: Sequence[ExactCurve], tolerance_mm: float) -> list[Fitte
 
 def _fitted(fit: FittedSpline | Failed, row: int) -> FittedSpline:
     if isinstance(fit, Failed):
-        what = f"pass {row + 1} is {1e3 * fit.deviation_mm:.3g} um off at {fit.spans} spans"
+        far = f"is {1e3 * fit.deviation_mm:.3g} um off" if fit.deviation_mm < inf else "is not known to be near"
+        what = f"pass {row + 1} {far} at {fit.spans} spans"
         raise InputRejected(f"{what}: {fit.end.value}", remedy="give a larger path_mm", key=("operation", 0, "path_mm"))
     return fit
 

@@ -135,6 +135,11 @@ def test_planning_twice_gives_the_same_bytes(tmp_path: Path) -> None:
             None,
             r"job\.toml:\d+: clearance_z_mm 2\.5 is not above patch 1, .* Z3\.000",
         ),
+        (
+            [("scallop_mm = 0.08", "scallop_mm = 0.0010003")],
+            None,
+            r"toml:\d+: patch 1 is 49 x 49 mm: scallop_mm asks for .* passes, .*; give .* or a smaller path_mm",
+        ),
         ([("scallop_mm = 0.08", "pick_feed_mm = 1e-5")], None, r"patch 1 is .* mm: pick_feed_mm asks for .* passes"),
         ([("angle_deg = 0.0", "angle_deg = 1e20")], None, r"job\.toml:\d+: .*angle_deg: is out of range"),
         (
@@ -145,7 +150,7 @@ def test_planning_twice_gives_the_same_bytes(tmp_path: Path) -> None:
         (
             [("scallop_mm = 0.08", "pick_feed_mm = 0.05")],
             (SURFACE, PLATE_OF_5_M.replace("5000", "800")),
-            r"pick_feed_mm asks for about 13.* km of passes, more than 5 km",
+            r"patch 1 is 800 x 800 mm: pick_feed_mm asks for about 12\.8 km of passes, more than 5 km",
         ),
         (
             [("angle_deg = 0.0", "angle_deg = 30.0")],

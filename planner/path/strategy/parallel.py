@@ -14,7 +14,7 @@ from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
 from planner.path.one_sided import with_one_sided
 from planner.path.peaks import Ground, Peaks, lay_ground, survey
-from planner.path.pick_feed import ChainEnd, even_planes, local_pick_feed, solve_pick_feeds
+from planner.path.pick_feed import ChainEnd, even_planes, left_for_exact_mm, local_pick_feed, solve_pick_feeds
 from planner.path.runs import pass_runs
 from planner.path.seeds import Seeds, sow
 from planner.path.strategy.roll_over import roll_over, within_patch
@@ -96,11 +96,14 @@ def prepare(patch: NurbsPatch, wishes: Wishes) -> Ground:
     seeds = _seeds(surface, 2 * wishes.radius_mm)
     if wishes.pick_feed_mm is not None:
         least_mm = wishes.pick_feed_mm
+        _check_count(surface, seeds, least_mm, "pick_feed_mm")
     else:
         assert wishes.scallop_mm is not None
         inside = seeds.within(patch.domain)
         least_mm = float(local_pick_feed(surface, inside, wishes.scallop_mm).min())
-    _check_count(surface, seeds, least_mm, "scallop_mm" if wishes.pick_feed_mm is None else "pick_feed_mm")
+        # What path_mm leaves of the scallop is planned, and pick feeds go with the square root of it.
+        left = left_for_exact_mm(wishes.scallop_mm, wishes.high_mm, wishes.radius_mm) / wishes.scallop_mm
+        _check_count(surface, seeds, least_mm * max(left, 0.0) ** 0.5, "scallop_mm")
     return lay_ground(surface, seeds, pick_feed_mm=least_mm)
 
 
@@ -117,8 +120,9 @@ def _check_count(
 
     Its borders are sampled as finely as its passes lie, so the longer side counts.
     """
-    sides_mm = np.ptp(seeds.centres, axis=1)[:2]
-    passes, cut_mm = float(sides_mm.max()) / pick_feed_mm, float(sides_mm.prod()) / pick_feed_mm
+    inside = seeds.within(surface.patch.domain)
+    sides_mm = np.ptp(surface.evaluate(inside[0], inside[1]).contact[:2], axis=1)
+    passes, cut_mm = (float(size) / max(pick_feed_mm, 1e-12) for size in (sides_mm.max(), sides_mm.prod()))
     problem = ""
     if not passes <= most:
         problem = f"{passes:.3g} passes, more than {most}"
@@ -126,7 +130,8 @@ def _check_count(
         problem = f"{cut_mm / 1e6:.3g} km of passes, more than {longest_mm / 1e6:g} km"
     if problem:
         what = f"{surface.patch.name} is {sides_mm[0]:.4g} x {sides_mm[1]:.4g} mm: {key} asks for about {problem}"
-        remedy = f"give a larger {key} or cut the part in pieces"
+        finer = " or a smaller path_mm, which leaves it more," if key == "scallop_mm" else ""
+        remedy = f"give a larger {key}{finer} or cut the part in pieces"
         raise InputRejected(what, remedy=remedy, key=("operation", 0, key))
 
 

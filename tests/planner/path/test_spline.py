@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from planner.path.model import PlaneSpline
+from planner.errors import InputRejected
+from planner.path.curve import ExactCurve
+from planner.path.model import Method, PlaneSpline
 from planner.path.span_search import Candidate, SearchEnd, SpanSearch, Start, halved_where_worst
 from planner.path.spline import fit_passes
 from planner.path.spline_table import SplineTable
@@ -123,3 +126,14 @@ def test_many_spans_take_few_trials(needed: int, most_fresh: int) -> None:
     search.from_scratch({0: 1})
     assert (search.found[0].spans, search.ends[0]) == (needed, SearchEnd.FITTED)
     assert fitter.asked <= 10 + 40 * np.log10(needed)
+
+
+def test_a_pass_without_a_bound_is_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(4.7) It was told to be "inf um off"."""
+
+    def unbounded(curves: Sequence[ExactCurve], *_: object) -> list[tuple[float, Method]]:
+        return [(float("inf"), Method.SAMPLED)] * len(curves)
+
+    monkeypatch.setattr("planner.path.spline.certify_all", unbounded)
+    with pytest.raises(InputRejected, match=r"^pass 1 is not known to be near at \d+ spans: more spans do not bring"):
+        fit_passes([random_graph(0)], 0.001)
