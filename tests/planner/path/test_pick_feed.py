@@ -141,6 +141,15 @@ def test_the_scheme_of_the_paper_gives_the_same_list_of_passes(scallop_mm: float
         assert abs(plane_mm - found_mm) < 1e-3
 
 
+@pytest.mark.parametrize("pick_feed_mm", [0.7, 1.0, 3.0, 19.0, 50.0])
+def test_fixed_passes_stand_in_the_middle_of_the_patch(pick_feed_mm: float) -> None:
+    """As far from one side as from the other, and no further than half a pick feed."""
+    planes_mm = lay_parallel(plane_patch(20.0), Wishes(R, 0.0, None, pick_feed_mm), accuracy_mm=1e-7).planes_mm
+    assert np.allclose(np.diff(planes_mm), pick_feed_mm)
+    assert planes_mm[0] == pytest.approx(20.0 - planes_mm[-1])
+    assert planes_mm[0] <= pick_feed_mm / 2 + 1e-9
+
+
 def test_one_pass_is_enough_for_a_narrow_patch() -> None:
     layout = planned(plane_patch(0.6), 0.05)
     assert len(layout.planes_mm) == 1

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from planner.path.coverage import inner_cusps
 from planner.path.peaks import survey
-from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
+from planner.path.scallop import Reaches, solve_reaches
+from planner.path.strategy.parallel import Layout, Wishes, lay_parallel, prepare
 from planner.surface.patch import NurbsPatch
 from tests.planner.surfaces import cylinder_patch, plane_patch, slope_patch, sphere_patch, thesis_patch, wavy_patch
 
@@ -80,6 +82,37 @@ def test_the_change_of_a_peak_with_its_planes_is_its_difference_quotient() -> No
             planes[which] += sign * step
             heights.append(survey(layout.ground, planes, 0.05)[0].height_mm[gap])
         assert abs((heights[0] - heights[1]) / (2 * step) - slope) < 1e-4 * abs(slope)
+
+
+def test_the_change_of_a_cusp_along_its_line_is_its_difference_quotient() -> None:
+    """(4.1) `slope`, whose zeros are the maxima, against central differences, where lines climb and where they fall."""
+    layout = fixed(wavy_patch(), 1.5)
+    gap, step = np.full(9, 12, dtype=np.intp), 1e-3
+    x = np.linspace(10.0, 50.0, 9)
+    seeds, surface = layout.ground.seeds, layout.ground.surface
+    middle, before, after = (
+        inner_cusps(surface, seeds, layout.planes_mm, gap, x + away, 0.05).cusps for away in (0.0, -step, step)
+    )
+    slopes = (after.height_mm - before.height_mm) / (2 * step)
+    assert slopes.min() < -1e-4 < 1e-4 < slopes.max()
+    assert np.abs(middle.slope - slopes).max() < 1e-3 * np.abs(slopes).max()
+
+
+def test_the_changes_of_a_height_are_its_difference_quotients() -> None:
+    """(4.1) What one pass leaves: `along` by u and v of the place, `by_plane`, against differences, on steep ground."""
+    surface = prepare(slope_patch(), Wishes(R, 0.0, None, 1.5)).surface
+    at, step = np.array([[0.4, 0.7, 0.9], [0.3, 0.6, 0.8]]), 1e-6
+    plane_mm = surface.evaluate(*at).centre[1] + [-1.0, 0.8, 1.1]
+
+    def height_mm(by_u: float = 0.0, by_v: float = 0.0, by_plane: float = 0.0) -> Reaches:
+        under = surface.evaluate(*np.add(at, [[by_u], [by_v]]))
+        return solve_reaches(surface, under, plane_mm + by_plane, at)
+
+    found = height_mm()
+    assert found.is_found.all()
+    for wanted, *steps in ((found.along[0], 1, 0, 0), (found.along[1], 0, 1, 0), (found.by_plane, 0, 0, 1)):
+        ahead, behind = (height_mm(*(sign * step * np.array(steps))).height_mm for sign in (1, -1))
+        assert (ahead - behind) / (2 * step) == pytest.approx(wanted, rel=1e-4, abs=1e-6)
 
 
 def searched_height(layout: Layout, plane_mm: float, u: float, v: float) -> float:
