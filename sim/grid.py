@@ -61,8 +61,16 @@ def net_of(patch: NominalPatch, pitch_mm: float) -> Net:
     )
 
 
-def check_pitch(patches: Iterable[NominalPatch], pitch_mm: float) -> None:
-    """Raises InputRejected, as `net_of` does, before anything is cut that could not be measured then."""
+def check_pitch(patches: Iterable[NominalPatch], pitch_mm: float, diameter_mm: float) -> None:
+    """Raises InputRejected, as `net_of` does, before anything is cut that could not be measured then.
+
+    Probes farther apart than the cutter is wide step over whole ridges, and over ground that was never cut.
+    """
+    if pitch_mm > diameter_mm:
+        what = (
+            f"a probe pitch of {pitch_mm:g} mm is wider than the cutter, {diameter_mm:g} mm: what it leaves is missed"
+        )
+        raise InputRejected(what, remedy=f"give a smaller pitch, such as {diameter_mm / 80:g}")
     for patch in patches:
         _divided(patch, pitch_mm)
 

@@ -70,7 +70,8 @@ def command(
     if programs is not None and kind_of(programs) != "folder":
         raise click.UsageError(f"--programs {programs}: is no folder")
     if nominal is not None:
-        check_pitch(load_nominal(nominal).patches, probe_pitch_mm)
+        design = load_nominal(nominal)
+        check_pitch(design.patches, probe_pitch_mm, 2 * design.cutter.radius_mm)
     path = profile_path(machine)
     profile = load_mill_profile(path)
     sending_side = load_profile(path)

@@ -70,7 +70,7 @@ def command(
     load_profile(profile_path(machine))  # whose keys the mill's own half does not all know
     nominal = load_nominal(job) if job is not None else None
     if nominal is not None:
-        check_pitch(nominal.patches, _pitch_mm(nominal, pitch_mm))
+        check_pitch(nominal.patches, _pitch_mm(nominal, pitch_mm), 2 * nominal.cutter.radius_mm)
     data = read_program(program)
     with working(f"cutting {program.name}" + ("" if job is None else " and measuring it")):
         recording = rehearse(

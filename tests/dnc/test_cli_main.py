@@ -173,6 +173,20 @@ def test_a_pitch_too_fine_is_refused_before_anything_is_cut(tmp_path: Path, caps
     assert main.run_with(words) == ExitCode.REJECTED
 
 
+@pytest.mark.parametrize(
+    "words", [["mill", "--nominal", "JOB", "--probe-pitch"], ["simulate", "bad.mpf", "--job", "JOB", "--pitch"]]
+)
+def test_a_pitch_too_coarse_is_refused(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(3.2) At 1000 mm 4 probes said that all was covered, and 71 um of a scallop of 80."""
+    monkeypatch.chdir(tmp_path)
+    Path("bad.mpf").write_text("M30\n")
+    job = str(shipped_path("jobs", "thesis"))
+    assert main.run_with([job if word == "JOB" else word for word in [*words, "8.1"]]) == ExitCode.REJECTED
+    assert "8.1 mm is wider than the cutter, 8 mm" in capsys.readouterr().err
+
+
 def test_nobody_reads_the_output_any_more() -> None:
     """(2.7) `dnc machines | head -1`: ended as by the signal that other programs die of, without a word."""
     child = subprocess.Popen([sys.executable, "-m", "dnc", "machines"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
