@@ -79,7 +79,14 @@ class Ticker:
 
     def _run(self) -> None:
         while not self._end.wait(_PERIOD_S):
-            self._write(f"{_CLEAR}{self._line()}")
+            self._write(f"{_CLEAR}{self._fitted(self._line())}")
+
+    def _fitted(self, line: str) -> str:
+        """Cut before the border: a line that goes on below it could not be taken away, and would fill the screen."""
+        with contextlib.suppress(OSError, ValueError):
+            columns = os.get_terminal_size(self._out.fileno()).columns
+            return line[: columns - 1] if columns > 1 else line
+        return line
 
     def _write(self, text: str) -> None:
         with contextlib.suppress(OSError):
