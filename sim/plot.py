@@ -78,7 +78,11 @@ def _draw_map(figure: Any, axes: Any, verdict: Verdict) -> None:
     axes.set_title(
         f"scallop {verdict.scallop_mm * 1000:.2f} µm (triangle up), gouge {verdict.gouge_mm * 1000:.2f} µm (down)\n"
         f"covered {verdict.coverage * 100:.2f} %; grey: not reached"
-        + (f"; yellow: this cutter cannot, {verdict.inaccessible * 100:.2f} %" if verdict.inaccessible > 0 else "")
+        + (
+            f"\nyellow: out of this cutter's reach, {verdict.inaccessible * 100:.2f} %"
+            if verdict.inaccessible > 0
+            else ""
+        )
     )
 
 
@@ -108,6 +112,13 @@ def _draw_histogram(axes: Any, verdict: Verdict) -> None:
     axes.hist(heights, bins=120, weights=100 * areas / max(areas.sum(), 1e-300), color="#456990")
     axes.set(xlabel="deviation in µm", ylabel="share of the covered area in %", yscale="log")
     axes.yaxis.set_major_formatter("{x:g}")
+    chosen = axes.yaxis.get_minor_formatter()
+
+    def plain(value: float, place: int | None) -> str:
+        chosen.set_locs(())
+        return f"{value:g}" if chosen(value, place) else ""
+
+    axes.yaxis.set_minor_formatter(plain)
     axes.set_title(f"{heights.size} probes, pitch {verdict.probe_pitch_mm:g} mm")
 
 
@@ -135,6 +146,6 @@ def _draw_section(axes: Any, verdict: Verdict) -> None:
         x, y, _ = worst.position_mm
         axes.set_title(f"section across the passes at X{x:.3f} Y{y:.3f}")
     else:
-        axes.set_title("no scallop and no gouge: nothing to cut a section through")
+        axes.set_title("no scallop, no gouge: no section")
     axes.axhline(0.0, color="black", linewidth=0.6)
     axes.set(xlabel="distance on the design in mm", ylabel="deviation in µm")
