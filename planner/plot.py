@@ -99,9 +99,11 @@ def _draw_scallop(axes: Any, planned: Planned) -> None:
             axes.plot(x, 1000 * height_mm, color=_PASS, label=f"between planes {gap + 1} and {gap + 2}")
             top_mm = max(float(height_mm.max()), operation.scallop_mm or 0.0)
             axes.set_ylim(950 * float(height_mm.min()), 1010 * top_mm)
+        else:
+            axes.text(0.5, 0.5, "no cusp line to follow", transform=axes.transAxes, ha="center")
     axes.grid(alpha=0.25)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="lower right", frameon=False)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
 
 
 def _draw_pass(axes: Any, planned: Planned) -> None:
