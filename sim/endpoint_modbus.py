@@ -45,7 +45,7 @@ class ModbusEnd:
         self._started.wait()
         if self._problem is not None:
             raise SettingsRejected(
-                f"--modbus {self.host}:{self.port}: cannot listen there ({self._problem})",
+                f"--modbus {self.host}:{self.port}: cannot listen there, {self._problem}",
                 remedy="choose another port, or 0 for any free one",
             )
 
@@ -71,8 +71,11 @@ class ModbusEnd:
         try:
             server = ModbusTcpServer(self._device(), identity=_IDENTITY, address=(self.host, self.port))
             await server.serve_forever(background=True)
-        except (OSError, RuntimeError) as problem:
-            self._problem = str(problem)
+        except (
+            OSError,
+            RuntimeError,
+        ):  # whose words are the library's: "Could not start listen, please check address."
+            self._problem = "it is taken, or no address of this computer"
             self._started.set()
             return
         self.port = cast("asyncio.Server", server.transport).sockets[0].getsockname()[1]

@@ -232,7 +232,9 @@ async def test_garbage_on_the_port_does_not_stop_the_mill() -> None:
 def test_an_address_that_is_taken_is_one_sentence() -> None:
     """(2.7)"""
     end = mill()
-    with pytest.raises(SettingsRejected, match="cannot listen there"):
+    with pytest.raises(
+        SettingsRejected, match="cannot listen there, it is taken, or no address of this computer; choose"
+    ):
         mill(end.port)
     end.stop()
 
