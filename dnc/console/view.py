@@ -153,8 +153,8 @@ def _middle(known: Known, columns: int, height: int) -> tuple[list[Row], int]:
     dro = _dro(known)
     alarms, shown = alarm_rows(known.alarms, columns, height - len(dro) - 4)
     block_rows = height - len(alarms) - 4
-    window = _window(known, block_rows)
     left_width = max(_LEFT, columns - 34)
+    window = _window(known, block_rows, left_width - 12)
     both = [
         (
             *fitted(window[place] if place < len(window) else row(), left_width),
@@ -181,8 +181,8 @@ def _block(known: Known) -> str:
     return "--" if shown in ("--", "0") else f"N{shown}"
 
 
-def _window(known: Known, height: int) -> list[Row]:
-    """The blocks about the end of what was sent, the one the control cuts marked with `*`."""
+def _window(known: Known, height: int, width: int) -> list[Row]:
+    """The blocks about the end of what was sent, cut visibly at so many columns; the one the control cuts has a `*`."""
     if known.job is None:
         return []
     block = known.machine.value("block") if known.machine is not None else None
@@ -195,7 +195,12 @@ def _window(known: Known, height: int) -> list[Row]:
         is_cut = bool(block) and re.match(rf"\s*N0*{block}(?!\d)", text) is not None
         tone = {"executed": Tone.QUIET, "next": Tone.QUIET, "sent": Tone.STRONG}.get(zone, Tone.PLAIN)
         mark = "*" if is_cut else _ZONES.get(zone, " ")
-        shown.append(row(f" {mark} {one.get('line') or '':>6} ", Span(text[:80], tone)))
+        shown.append(
+            row(
+                f" {mark} {one.get('line') or '':>6} ",
+                Span(text if len(text) <= width else f"{text[: width - 1]}~", tone),
+            )
+        )
     return shown
 
 

@@ -239,6 +239,14 @@ def test_a_long_name_of_a_program_is_cut_where_one_sees_it() -> None:
     assert " FINISH_PART_LEFT_SIDE_2.MPF " in shown(value, 100)
 
 
+@pytest.mark.parametrize("columns", [80, 120])
+def test_a_long_block_does_not_run_into_the_axes(columns: int) -> None:
+    """(2.2) One read `PO[Z]=(1.9488,-13.684,1 X     14.625 mm`, the axis as a word of the block."""
+    window = [{"line": 64, "text": "POLY X50.0418 PO[Z]=(1.9488,-13.684,1.25) " * 4, "zone": "sent"}]
+    line = next(line for line in shown(known(job=job(window=window)), columns).splitlines() if "POLY" in line)
+    assert line.endswith("~   ACTIVE")
+
+
 def test_figures_of_the_line_are_not_cut_at_the_border() -> None:
     """(2.2) `4096 of 40` stood there."""
     large = {"baud": 4_000_000, "xoff_count": 99_999, "inflight_at_xoff_bytes_max": 4096, "inflight_max_bytes": 4096}
