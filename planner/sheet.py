@@ -130,7 +130,8 @@ def _tool_row(tool: SheetTool) -> str:
 
 
 def _safe(text: str) -> str:
-    return html.escape(text, quote=True)
+    """Text for the page; of a name that is no UTF-8 the strange bytes become question marks."""
+    return html.escape(text.encode("utf-8", "replace").decode("utf-8"), quote=True)
 
 
 def _clock(time_s: float) -> str:

@@ -98,9 +98,11 @@ def _write_sheet(sheet: Path, program: Path, machine: str, job: Path | None, wat
 
 
 def _print(program: Path, found: Collection, blocks: int) -> None:
+    from dnc.progress import printable
+
     report = found.report()
     for finding in sorted(found.findings, key=lambda one: (one.line, one.column)):
-        click.echo(finding.sentence(program.name))
+        click.echo(printable(finding.sentence(program.name)))
     for name, count in report["not_listed"].items():
-        click.echo(f"{program.name}: {count} more findings {name}")
+        click.echo(printable(f"{program.name}: {count} more findings {name}"))
     click.echo(f"{blocks} blocks: {report['errors']} errors, {report['warnings']} warnings, {report['notes']} notes")

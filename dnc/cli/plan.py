@@ -68,7 +68,7 @@ def command(
 
     from dnc.planning import limits_of, line_of, machining_clock, travel_of
     from dnc.profile import load_profile, profile_path
-    from dnc.progress import working
+    from dnc.progress import printable, working
     from planner.files import check_outputs, write_file
     from planner.job import load_job
     from planner.plan import plan_job
@@ -114,7 +114,7 @@ def command(
     if as_json:
         click.echo(text, nl=False)
     else:
-        click.echo(_summary(planned.report, output), err=True)
+        click.echo(printable(_summary(planned.report, output)), err=True)
     return 0
 
 

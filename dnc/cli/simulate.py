@@ -178,12 +178,14 @@ def _motion_csv(recording: Recording, nominal: Nominal | None) -> str:
 
 def _text(made: dict[str, Any]) -> str:
     """The report for a person, one figure a line."""
+    from dnc.progress import printable
+
     minutes, seconds = divmod(made["machining_time_s"], 60.0)
     lines = [
         f"SIMULATED  {made['program']}: {made['blocks']} blocks, {int(minutes)} min {seconds:.1f} s",
         *(f"ALARM {alarm['number']} line {alarm['line']}: {alarm['text']}" for alarm in made["alarms"]),
     ]
-    return "\n".join([*lines, *_measured(made)] if "scallop_mm" in made else lines)
+    return "\n".join(map(printable, [*lines, *_measured(made)] if "scallop_mm" in made else lines))
 
 
 def _measured(made: dict[str, Any]) -> list[str]:

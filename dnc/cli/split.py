@@ -41,6 +41,7 @@ def command(
     from dnc.framing import CharacterCheck
     from dnc.preamble import Heights
     from dnc.profile import beyond_travel, load_profile, profile_path
+    from dnc.progress import printable
     from dnc.restart import first_optional_line
     from dnc.split import split_program
     from planner.files import made_folder, read_program, write_file
@@ -85,7 +86,9 @@ def command(
     if as_json:
         click.echo(json.dumps({"schema": "dripmill.split", "version": 1, "parts": rows}, indent=1))
     for row in () if as_json else rows:
-        click.echo(f"{row['file']}: {row['bytes']} bytes, lines {row['first_line']} to {row['last_line']}")
+        click.echo(
+            f"{printable(str(row['file']))}: {row['bytes']} bytes, lines {row['first_line']} to {row['last_line']}"
+        )
     return 0
 
 

@@ -155,3 +155,27 @@ def test_help_is_there_whatever_the_settings_say(
 def test_who_reads_a_file_says_whether_it_can() -> None:
     """(2.7) A program without rights to read it was a wrong command line (exit 2), where a missing one is exit 3."""
     assert not File().readable
+
+
+@pytest.mark.parametrize("words", [["check"], ["simulate"], ["split", "--bytes", "200", "--job", "JOB", "-o", "parts"]])
+def test_no_name_acts_on_the_terminal(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(N7) What a file is called went to the terminal as it is, escape sequences and bytes that are no text too."""
+    monkeypatch.chdir(tmp_path)
+    name = "a\x1b[31m\udcff.mpf"
+    Path(name).write_text("G0 G90 G17 Z50\nM30\n")
+    job = str(shipped_path("jobs", "thesis"))
+    main.run_with([words[0], name, *(job if word == "JOB" else word for word in words[1:])])
+    said = capsys.readouterr()
+    assert "\x1b" not in said.out + said.err
+    assert "internal fault" not in said.err
+
+
+def test_a_sheet_of_a_program_whose_name_is_no_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """(2.7) A name from an old disk, in another coding, was an internal fault."""
+    program = tmp_path / "caf\udce9.mpf"
+    program.write_text("G0 G90 G17 G54 Z50\nT1 D1 M6\nS1000 M3\nG1 X1 Z-1 F100\nG0 Z50\nM30\n")
+    main.run_with(["check", str(program), "--sheet", str(tmp_path / "sheet.html")])
+    assert "internal fault" not in capsys.readouterr().err
+    assert "Setup sheet: caf?.mpf" in (tmp_path / "sheet.html").read_text()
