@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from pathlib import Path
 
 from dnc.errors import PortUnavailable
+
+
+def real_path(path: Path) -> Path:
+    """Where a name leads, links followed; links that lead in a circle lead nowhere, and are no fault."""
+    return Path(os.path.realpath(path))
 
 
 def is_pty(device: Path) -> bool:
@@ -19,7 +25,7 @@ def identity_of(device: Path) -> str:
         return f"{device} {device.stat().st_ctime_ns}"
     with contextlib.suppress(OSError):
         for link in sorted(Path("/dev/serial/by-id").iterdir()):
-            if link.resolve() == device:
+            if real_path(link) == device:
                 return link.name
     return str(device)
 
@@ -28,8 +34,7 @@ def device_of(name: str) -> Path:
     """The device that this name leads to, links followed; raises PortUnavailable where there is none."""
     if not name:
         raise PortUnavailable("the port's name is empty; see dnc ports")
-    path = Path(name)
     try:
-        return path.resolve(strict=True)
+        return Path(os.path.realpath(name, strict=True))
     except OSError as problem:
         raise PortUnavailable(f"{name}: {problem.strerror}; see dnc ports") from None

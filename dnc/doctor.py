@@ -14,6 +14,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from dnc.device_names import real_path
 from dnc.errors import PortLost
 from dnc.port import Port
 from dnc.priority import LATENCY_WISH, WAKES_WITHIN_US, may_go_first
@@ -82,7 +83,7 @@ def _modem_manager(root: Path) -> Finding:
 def _autosuspend(root: Path, devices: list[str]) -> list[Finding]:
     findings = []
     for name in devices:
-        for folder in Path(os.path.realpath(root / "sys/class/tty" / name / "device")).parents:
+        for folder in real_path(root / "sys/class/tty" / name / "device").parents:
             control = folder / "power/control"
             if (says := _said_in(control)) and (folder / "idVendor").is_file():
                 is_good = says == "on"

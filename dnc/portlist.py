@@ -7,6 +7,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from dnc.device_names import real_path
 from dnc.events import LinkState
 from dnc.locks import LOCK_FOLDER, flock_holder, lock_holder, lock_name
 
@@ -62,7 +63,7 @@ def _port(root: Path, device: Path, hardware: Path, driver: str) -> FoundPort:
 def _stable_name(folder: Path, device: Path) -> str | None:
     with contextlib.suppress(OSError):
         for link in sorted(folder.iterdir()):
-            if link.resolve() == device.resolve():
+            if real_path(link) == real_path(device):
                 return str(link)
     return None
 
@@ -78,26 +79,32 @@ def _driver_of(hardware: Path) -> str | None:
     """The driver of the chip; since Linux 6.5 the bus of the ports, with drivers of its own, stands before it."""
     driver = _link_name(hardware / "driver")
     with contextlib.suppress(OSError):
-        for folder in hardware.resolve().parents:
+        for folder in real_path(hardware).parents:
             if driver not in _PORT_BUS:
                 break
             driver = _link_name(folder / "driver") or driver
     return driver
 
 
+def _said_in(file: Path) -> str:
+    """What such a file says, whatever its bytes; raises OSError."""
+    return file.read_text(encoding="latin-1").strip()
+
+
 def _is_empty_slot(entry: Path, driver: str) -> bool:
     """Whether no chip answers at this address: type 0 means that the kernel found none."""
     try:
-        return (entry / "type").read_text().strip() == "0"
+        return _said_in(entry / "type") == "0"
     except OSError:
         return driver == "serial8250"
 
 
 def _usb_ids(hardware: Path) -> str | None:
     with contextlib.suppress(OSError):
-        for folder in (hardware.resolve(), *hardware.resolve().parents):
+        real = real_path(hardware)
+        for folder in (real, *real.parents):
             if (folder / "idVendor").is_file():
-                return f"{(folder / 'idVendor').read_text().strip()}:{(folder / 'idProduct').read_text().strip()}"
+                return f"{_said_in(folder / 'idVendor')}:{_said_in(folder / 'idProduct')}"
     return None
 
 

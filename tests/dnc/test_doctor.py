@@ -87,6 +87,13 @@ def test_odd_words_of_the_system_are_no_fault(tmp_path: Path) -> None:
     loop = root / "sys/class/tty/ttyACM0"
     loop.mkdir()
     (loop / "device").symlink_to(loop / "device")
+    (root / "dev/ttyACM0").touch()
+    (root / "dev/serial/by-id/a-circle").symlink_to(root / "dev/serial/by-id/a-circle")
+    (root / "sys/class/tty/ttyUSB0/type").write_bytes(b"\xff")
+    (root / "sys/devices/usb1/1-2/idVendor").write_bytes(b"\xe4\n")
+    assert [(port.vendor_product, Path(str(port.by_id)).name) for port in find_ports(root)] == [
+        ("\xe4:6001", "usb-FTDI_A1B2-if00-port0")
+    ]
     findings = examine(tmp_path, root)
     assert found(findings, "modem-manager").is_good
     assert not [one for one in findings if one.id in ("autosuspend", "latency-timer")]

@@ -95,6 +95,13 @@ def test_what_is_no_port(name: str, words: str) -> None:
         SerialPort(name, Link())
 
 
+def test_a_name_that_leads_in_a_circle_is_no_port(tmp_path: Path) -> None:
+    """(1.3) It was an internal fault."""
+    (tmp_path / "port").symlink_to(tmp_path / "port")
+    with pytest.raises(PortUnavailable, match="symbolic links; see dnc ports"):
+        SerialPort(str(tmp_path / "port"), Link())
+
+
 def test_a_pty_has_no_modem_lines(cable: tuple[int, str]) -> None:
     """(5.3)"""
     for handshake in ("rtscts", "dtrdsr"):
