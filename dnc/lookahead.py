@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from dnc.branches import ASIDE
 from dnc.tape import Tape
 
 _CHUNK_BYTES = 4096
@@ -20,7 +21,6 @@ _RUN_LEAD = 2
 """A B-spline of degree 3 has so many spans fewer than blocks; blocks with PL=0 are none either."""
 _BEHIND_RUN = 2
 _WAITING_BLOCKS = 1000
-_ASIDE = re.compile(rb'"[^"]*"?|\([^()]*\)|[;(].*')
 _AXIS = re.compile(rb"(?<![A-Z_$\[])[ABCIJKUVWXYZ]\s*[-+.=\d]|PO\[", re.IGNORECASE)
 _AXIS_WORD = re.compile(rb"(?<![A-Z_$\[])([ABCUVWXYZ])\s*(=[^\sA-Z]+|=[A-Z]+\([^()]*\)|[-+]?[.\d]+)", re.IGNORECASE)
 _CERTAIN = re.compile(rb"(?<![A-Z_$\[])[IJK]\d?\s*[-+.=\d]|PO\[", re.IGNORECASE)
@@ -37,9 +37,12 @@ def first_unsure_line(tape: Tape, read_bytes: int, blocks: int) -> int:
     """The line of the last move but so many before the line of byte `read_bytes`; 1 if there are not so many.
 
     Within a run of splines the line where it begins: a control may read the run to its end before it moves. So a run
-    takes no place in its look-ahead until a move behind the one that ends it is read too. Lines count from 1. Reads
+    takes no place in its look-ahead until a move behind the one that ends it is read too. Behind the first jump or
+    branch no block surely ran, so that only moves before it fill the look-ahead. Lines count from 1. Reads
     backwards piece by piece, so that its time depends on the answer and on one megabyte before it alone.
     """
+    if tape.branch_at is not None:
+        read_bytes = min(read_bytes, tape.branch_at)
     line, behind_blocks = tape.lines.line_at(tape, read_bytes), 0
     while True:
         run = _run_before(tape, line, blocks)
@@ -81,7 +84,7 @@ def _run_before(tape: Tape, line: int, enough: int) -> _Run:
         if run.blocks >= enough + max(_RUN_LEAD, run.zero_blocks):
             limit = block.at - _RUN_BYTES
             for number, at, text in _lines_before(tape, block.line):
-                if _noted(run, number, _ASIDE.sub(b"", text)) or at < limit:
+                if _noted(run, number, ASIDE.sub(b"", text)) or at < limit:
                     return run
             return run
     return run
@@ -116,7 +119,7 @@ def _blocks_before(tape: Tape, line: int) -> Iterator[_Block]:
     waiting: deque[_Block] = deque()
     newest: dict[bytes, _Block] = {}
     for number, at, text in _lines_before(tape, line):
-        block = _Block(number, at, _ASIDE.sub(b"", text))
+        block = _Block(number, at, ASIDE.sub(b"", text))
         if moves(text):
             block.is_move = _CERTAIN.search(block.text) is not None
             block.values = {axis.upper(): _value(value) for axis, value in _AXIS_WORD.findall(block.text)}
@@ -170,7 +173,7 @@ def moves(text: bytes) -> bool:
     >>> [moves(text) for text in (b"", b"; X1", b"(X1)", b"N2 M8", b"/N3 X4", b"TRANS X5", b"G4 X2", b'MSG("X1")')]
     [False, False, False, False, False, False, False, False]
     """
-    text = _ASIDE.sub(b"", text)
+    text = ASIDE.sub(b"", text)
     if _AXIS.search(text) is None or _STAYS.search(text) is not None:
         return False
     return all(word.upper() in _OF_MOVES for word in _WORD.findall(text))

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from dnc import profile
 from dnc.block_ends import Ends, normalised
+from dnc.branches import Branches
 from dnc.errors import InputRejected, SettingsRejected
 from dnc.framing import CharacterCheck, block_end_bytes, framing_bytes
 from dnc.tape import Frame, LineIndex, Tape
@@ -86,16 +87,19 @@ def _spooled(source: int, spool: int, path: Path, rules: profile.Tape, data_bits
             of_program.update(chunk)
             yield chunk
 
+    branches = Branches(lines.mark, len(leader))
     put(leader)
     for chunk in checked() if wanted is None else normalised(checked(), wanted):
         lines.feed(chunk)
+        branches.feed(chunk)
         ends.feed(chunk)
         put(chunk)
+    branches.close()
     if trailer and not ends.is_closed and not trailer.startswith(ends.common):
         put(ends.common)  # the trailer is no part of the last block
     put(trailer)
     frame = Frame(len(leader), len(trailer), ends.common)
-    return Tape(spool, of_tape.hexdigest(), of_program.hexdigest(), lines, frame)
+    return Tape(spool, of_tape.hexdigest(), of_program.hexdigest(), lines, frame, branches.first_at)
 
 
 def _write_all(target: int, data: bytes) -> None:

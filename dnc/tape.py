@@ -100,16 +100,27 @@ class LineIndex:
 
 
 class Tape:
-    """The spooled bytes: read anywhere, hashed, with line look-up; close it when the job is over."""
+    """The spooled bytes: read anywhere, hashed, with line look-up; close it when the job is over.
 
-    def __init__(self, spool: int, sha256: str, program_sha256: str, lines: LineIndex, frame: Frame) -> None:
+    `branch_at` is where the line of the first jump, branch or loop begins, None where the blocks run as they stand.
+    """
+
+    def __init__(
+        self,
+        spool: int,
+        sha256: str,
+        program_sha256: str,
+        lines: LineIndex,
+        frame: Frame,
+        branch_at: int | None = None,
+    ) -> None:
         self._spool = spool
         self.sha256, self.program_sha256 = sha256, program_sha256
         self.size_bytes = os.fstat(spool).st_size
         self.leader_bytes = frame.leader_bytes
         self.trailer_from = self.size_bytes - frame.trailer_bytes
         self.block_end = frame.block_end
-        self.lines = lines
+        self.lines, self.branch_at = lines, branch_at
         self.end = _tape_end(self, frame)
         self._cache, self._cache_at = b"", 0
 

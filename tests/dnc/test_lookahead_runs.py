@@ -74,3 +74,37 @@ def test_two_spellings_of_one_place_take_no_place_in_a_look_ahead(tmp_path: Path
             first = first_unsure_line(tape, tape.lines.offset_of(tape, read + 1), BLOCKS)
             assert first <= executing
         assert first > len(lines) - 5 * (BLOCKS + 2)
+
+
+@pytest.mark.parametrize(
+    "passed_over",
+    [
+        b"GOTOF BEHIND\n%sBEHIND: R1=1",
+        b"IF R1>5\n%sENDIF",
+        b"N7IF R1==0\nR1=1\nELSE\n%sENDIF",
+        b"if R1==0 gotof BEHIND\n%sBEHIND:",
+        b"WHILE R1>5\n%sENDWHILE",
+    ],
+)
+def test_what_a_jump_may_pass_over_fills_no_look_ahead(tmp_path: Path, passed_over: bytes) -> None:
+    """(5.7) Blocks that never ran counted as moves: lines before the jump were executed that lay before the tool."""
+    lines = [*HEAD, *(b"G1 X%d F250" % x for x in range(40))]
+    ahead = len(lines)
+    lines += (passed_over % b"".join(b"X%d\n" % x for x in range(60, 100))).split(b"\n")
+    lines += [b"G1 Y%d" % y for y in range(1, 8)]
+    with closing(tape_of(tmp_path, b"\n".join([*lines, b"M30"]) + b"\n")) as tape:
+        for read, executing in enumerate(executing_before(lines, BLOCKS)):
+            first = first_unsure_line(tape, tape.lines.offset_of(tape, read + 1), BLOCKS)
+            assert first <= executing
+        assert first == ahead - BLOCKS + 1
+
+
+@pytest.mark.parametrize("aside", [b"; IF IT BREAKS", b"(WAIT FOR TOOL)", b'MSG("GOTO 5")', b"N1 M8 ; if", b"R_IF=1"])
+def test_words_of_jumps_in_texts_are_none(tmp_path: Path, aside: bytes) -> None:
+    """(5.7)"""
+    lines = [*HEAD, aside, *(b"G1 X%d F250" % x for x in range(40))]
+    with closing(tape_of(tmp_path, b"\n".join(lines) + b"\n")) as tape:
+        assert tape.branch_at is None
+        assert first_unsure_line(tape, tape.size_bytes, BLOCKS) == len(lines) - BLOCKS + 1
+    with closing(tape_of(tmp_path, b"X1\n" * 40000 + b"GOTOF A\nA: X2")) as tape:
+        assert tape.branch_at == 120000
