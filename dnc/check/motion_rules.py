@@ -126,7 +126,7 @@ def unready(command: canon.Command, track: Track) -> Iterator[Finding]:
             "what is in the spindle cuts, with whatever length is active",
             "write T, M6 and D before it",
         )
-    if not track.has_offset:
+    if not track.offsets:
         yield Finding(
             "no-offset",
             Severity.WARNING,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -134,12 +135,13 @@ def program_sheet(
     *,
     need_bytes_s: float,
     machining_s: float | None,
+    offsets: Sequence[str] = (),
     job: Job | None = None,
 ) -> str | None:
     """The sheet as HTML, or None where the program cuts nothing; `need_bytes_s` is the worst 2 s at 120 % override.
 
     Without `machining_s`, the machine's own time for the program, programmed speeds alone are counted. The job tells
-    zero point and tools.
+    zero point and tools; `offsets` are the work offsets that the program calls.
     """
     lines = watch.lines
     if not lines:
@@ -155,7 +157,7 @@ def program_sheet(
         title=path.name,
         sha256=digest,
         reference=f"{stamp.reference} of the ball" if stamp else "not said in the program",
-        work_offset="as in the program",
+        work_offset=", ".join(offsets) or "none is called in the program",
         origin="" if job is None else job.setup.origin,
         tools=tuple(known.get(number, SheetTool(number, words, "not given")) for number in watch.tools),
         stock_box_mm=None if box is None else (np.array(box[0]), np.array(box[1])),

@@ -35,6 +35,7 @@ class Track:
     a branch that is not taken, or before the target of a jump. `clear_z_mm` is the lowest height that a rapid reached:
     taken to be above the part. `cut_top_mm` is the highest point cut below it, `hole` the bottom of the last plunge
     straight down.
+    `offsets` are the work offsets that the program has called so far, each once.
     `told_feed_mm_min` is the last feed that was found odd; `is_stop_told` and `is_edge_told` hold until the spindle
     starts and an edge is called. `length_mm` is that of the last feed move, `direction` the unit direction at its end,
     None after a rapid or a stop. `air_mm` and `cut_mm` add up feed moves.
@@ -57,7 +58,7 @@ class Track:
     is_readiness_lost: bool = False
     is_subprogram: bool = False
     is_passed_over: bool = False
-    has_offset: bool = False
+    offsets: list[str] = field(default_factory=list)
     is_zero_shifted: bool = False
     is_radius_told: bool = False
     spindle_rpm: float = 0.0
@@ -130,8 +131,9 @@ class Track:
                 self.is_inch = is_inch(code)
             if word.address == "T":
                 self.is_tool_named = isinstance(word.value, Text)
-            if group is ModalGroup.WORK_OFFSET:
-                self.has_offset, self.is_zero_shifted = True, code != "G500"
+            if code is not None and group is ModalGroup.WORK_OFFSET:
+                self.is_zero_shifted = code != "G500"
+                self.offsets += [] if code in self.offsets else [code]
 
     def _see_splines(self, block: Block) -> None:
         self.motion_code = motion_code_of(block) or self.motion_code

@@ -90,7 +90,14 @@ def _write_sheet(sheet: Path, program: Path, machine: str, job: Path | None, wat
     planned = None if job is None else load_job(job)
     need_bytes_s, blocks = done.need_bytes_s, done.track.blocks
     page = program_sheet(
-        program, watch, done.found, blocks, need_bytes_s=need_bytes_s, machining_s=machining_s, job=planned
+        program,
+        watch,
+        done.found,
+        blocks,
+        need_bytes_s=need_bytes_s,
+        machining_s=machining_s,
+        offsets=done.track.offsets,
+        job=planned,
     )
     if page is None:
         raise InputRejected("cuts nothing, so there is no setup sheet", path=program, remedy="leave --sheet away")

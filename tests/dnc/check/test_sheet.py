@@ -143,6 +143,15 @@ def test_both_sheets_of_one_program_tell_the_same_time(tmp_path: Path) -> None:
     assert times[0] == times[1]
 
 
+@pytest.mark.parametrize(("calls", "said"), [("G54\nG55\nG54\n", "G54, G55"), ("", "none is called in the program")])
+def test_the_sheet_names_the_work_offsets(calls: str, said: str, tmp_path: Path) -> None:
+    """(2.6) "As in the program" does not help who has to set it."""
+    program, sheet = tmp_path / "part.mpf", tmp_path / "sheet.html"
+    program.write_text(f"{calls}G0 G90 G17 Z50\nT1 D1 M6\nS1000 M3\nG1 X1 Z-1 F100\nG0 Z50\nM30\n")
+    run_with(["check", str(program), "--sheet", str(sheet)])
+    assert f"Work offset</th><td>{said}</td>" in sheet.read_text()
+
+
 def test_the_job_tells_the_sheet_zero_point_and_tools(tmp_path: Path) -> None:
     """(2.6) Without it they are not given."""
     bare, told = tmp_path / "bare.html", tmp_path / "told.html"
