@@ -37,7 +37,11 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What the demo runs: job and machine, the main run's time scale, and the window at true speed."""
+    """What the demo runs: job and machine, the main run's time scale, and the window at true speed.
+
+    `line` are options of `dnc send` that hold the line to what the machine's profile says: a shop's own settings are
+    for its cables, and no pseudo-terminal has their modem lines.
+    """
 
     job: Path
     machine: str
@@ -45,6 +49,7 @@ class Settings:
     window_s: float
     window_override_percent: float
     probe_pitch_mm: float
+    line: tuple[str, ...] = ()
 
 
 class StepFailed(UserError):
@@ -151,7 +156,8 @@ class _Mill:
     def port(self, settings: Settings) -> tuple[str, ...]:
         """Options of `dnc send` that lead to this mill; waits until it is ready."""
         said = json.loads(_first_line(self.process, timeout_s=60.0))
-        return ("--port", said["pty"], "--machine", settings.machine, "--baud", str(said["effective_baud"]))
+        port = ("--port", said["pty"], "--machine", settings.machine, "--baud", str(said["effective_baud"]))
+        return (*port, *settings.line)
 
     def stop(self) -> None:
         """Ask it to end and to write its report, if it has not yet."""

@@ -33,9 +33,12 @@ def command(out: Path, machine: str, job: Path | None, speed: float, window_s: f
 
     from dnc.demo import Settings, elapsed, run_chain
     from dnc.demo_screen import demo_screen
+    from dnc.profile import load_profile, profile_path
     from dnc.shipped import shipped_path
 
-    settings = Settings(job or shipped_path("jobs", "thesis"), machine, speed, window_s, 1500.0, 0.2)
+    link = load_profile(profile_path(machine)).link
+    line = ("--handshake", link.handshake, "--format", link.format, "--start", link.start)
+    settings = Settings(job or shipped_path("jobs", "thesis"), machine, speed, window_s, 1500.0, 0.2, line)
     is_watched = sys.stderr.isatty()
     report = run_chain(out, settings, elapsed(lambda text: click.echo(text, err=True) if is_watched else None))
     click.echo(json.dumps(report, indent=1) if as_json else demo_screen(report, out), nl=as_json)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -18,7 +19,8 @@ PATH_MM, SCALLOP_MM, ROUNDING_MM = 0.001, 0.08, 0.0001
 @pytest.mark.system
 def test_demo_measures_what_was_planned(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dnc", "demo", "--out", str(tmp_path), "--speed", "100", "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    shop = {"DNC_HANDSHAKE": "rtscts", "DNC_START": "wait-xon", "DNC_FORMAT": "7E2"}  # meant for its own cables
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **shop})
     assert done.returncode == 0, done.stderr
     report = validated(done.stdout)
     parts = (report[name] for name in ("plan", "check", "send", "mill", "simulate"))
