@@ -109,6 +109,10 @@ def _plan(mapped: PatchMap) -> tuple[Floats, Floats, Floats]:
 def _draw_histogram(axes: Any, verdict: Verdict) -> None:
     heights = np.concatenate([1000 * each.height_mm[each.is_covered] for each in verdict.maps])
     areas = np.concatenate([each.net.area_mm2[each.is_covered] for each in verdict.maps])
+    if not heights.size:
+        axes.set_axis_off()
+        axes.set_title("no place was reached")
+        return
     axes.hist(heights, bins=120, weights=100 * areas / max(areas.sum(), 1e-300), color="#456990")
     axes.set(xlabel="deviation in µm", ylabel="share of the covered area in %", yscale="log")
     axes.yaxis.set_major_formatter("{x:g}")

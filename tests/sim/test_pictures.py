@@ -115,6 +115,15 @@ def test_picture_of_a_perfect_part(tmp_path: Path) -> None:
     assert (tmp_path / "perfect.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_picture_of_a_part_that_was_never_reached(tmp_path: Path) -> None:
+    """(3.5) After an alarm in the first block the drawing library's own warning went to the terminal."""
+    above = [Line(1, 1, (0.0, 0.0, 60.0), (10.0, 0.0, 60.0), 250.0)]
+    untouched = judge(nominal_of(plane(size=10.0)), BallTool(R), above, reference="centre", probe_pitch_mm=0.5)
+    assert untouched.coverage == 0.0
+    plot_deviation(untouched, tmp_path / "untouched.png")
+    assert (tmp_path / "untouched.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_picture_shows_where_the_tool_stood(verdict: Verdict, tmp_path: Path) -> None:
     """(7.4) A wait for blocks is a yellow square on the map, at its place, and the picture says how many there are."""
     plain, marked = tmp_path / "plain.png", tmp_path / "marked.png"
