@@ -11,6 +11,7 @@ from dnc.cli._options import File, machine_option
 from dnc.numbers import Number
 
 if TYPE_CHECKING:
+    from dnc.profile import MachineProfile
     from planner.plan import Planned
 
 _CONTROLS = ["sinumerik-840d", "fanuc-30i", "heidenhain-itnc530", "linuxcnc", "generic"]
@@ -66,12 +67,10 @@ def command(
     """
     import json
 
-    from dnc.planning import limits_of, line_of, machining_clock, travel_of
     from dnc.profile import load_profile, profile_path
     from dnc.progress import printable, working
     from planner.files import check_outputs, write_file
     from planner.job import load_job
-    from planner.plan import plan_job
 
     is_reported = report is not None or as_json
     if knot_test and (is_reported or plot or sheet or lift_mm):
@@ -88,20 +87,9 @@ def command(
 
         write_file(output, knot_test_program(asked.setup.safe_z_mm))
         return 0
-    # The machine's own clock takes as long as the planning itself: it runs only where its figure is shown.
-    clock = machining_clock(profile_file) if is_reported or sheet is not None else None
-    changes: dict[str, Any] = {"control": control, "blocks": blocks}
     with working(f"planning {job.name}"):
-        planned = plan_job(
-            job,
-            limits_of(profile),
-            post={key: value for key, value in changes.items() if value is not None},
-            rapid_mm_min=min(axis.rapid_mm_min for axis in profile.axes.values()),
-            line=line_of(profile),
-            with_rivals=is_reported,
-            lift_mm=lift_mm,
-            time_of=clock,
-            travel_mm=travel_of(profile),
+        planned = _planned(
+            job, profile, profile_file, control, blocks, lift_mm, is_reported=is_reported, has_sheet=sheet is not None
         )
     text = json.dumps(planned.report, indent=1) + "\n"
     _draw(planned, plot, sheet)
@@ -116,6 +104,35 @@ def command(
     else:
         click.echo(printable(_summary(planned.report, output)), err=True)
     return 0
+
+
+def _planned(
+    job: Path,
+    profile: MachineProfile,
+    profile_file: Path,
+    control: str | None,
+    blocks: str | None,
+    lift_mm: float,
+    *,
+    is_reported: bool,
+    has_sheet: bool,
+) -> Planned:
+    """The job planned for this machine; its own clock takes as long as that and runs only where its figure is shown."""
+    from dnc.planning import limits_of, line_of, machining_clock, travel_of
+    from planner.plan import plan_job
+
+    changes: dict[str, Any] = {"control": control, "blocks": blocks}
+    return plan_job(
+        job,
+        limits_of(profile),
+        post={key: value for key, value in changes.items() if value is not None},
+        rapid_mm_min=min(axis.rapid_mm_min for axis in profile.axes.values()),
+        line=line_of(profile),
+        with_rivals=is_reported,
+        lift_mm=lift_mm,
+        time_of=machining_clock(profile_file) if is_reported or has_sheet else None,
+        travel_mm=travel_of(profile),
+    )
 
 
 def _draw(planned: Planned, plot: Path | None, sheet: Path | None) -> None:

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from dnc.cli._options import File, Folder, machine_option
 from dnc.numbers import Number, Whole
+
+if TYPE_CHECKING:
+    from dnc.preamble import Heights
+    from dnc.profile import MachineProfile
+    from dnc.split import Part
+    from planner.job import Job
 
 
 @click.command(
@@ -37,11 +44,9 @@ def command(
     as_json: bool,
 ) -> int:
     """Cut PROGRAM where the tool stands clear; each part restores tool, spindle, frames and modes, and ends itself."""
-    from dnc.control_side import decimals_of, refuse_other_dialect, settings_of
+    from dnc.control_side import refuse_other_dialect, settings_of
     from dnc.framing import CharacterCheck
-    from dnc.preamble import Heights
     from dnc.profile import beyond_travel, load_profile, profile_path
-    from dnc.progress import printable
     from dnc.restart import first_optional_line
     from dnc.split import split_program
     from planner.files import made_folder, read_program, write_file
@@ -52,15 +57,7 @@ def command(
     if beyond:
         raise click.UsageError(beyond)
     loaded = load_job(job)
-    operation = loaded.operation[0]
-    heights = Heights(
-        safe_z_mm=loaded.setup.safe_z_mm,
-        clearance_z_mm=loaded.setup.clearance_z_mm,
-        plunge_mm_min=operation.plunge_mm_min,
-        dwell_s=operation.spindle_dwell_s,
-        retract_z_mm=profile.control.retract_z_mm if retract_z_mm is None else retract_z_mm,
-        decimals=decimals_of(profile),
-    )
+    heights = _heights(loaded, profile, retract_z_mm)
     settings = settings_of(
         profile, tool_radii_mm=loaded.tool_radii_mm, subprogram_folder=program.parent, is_drip_fed=False
     )
@@ -79,17 +76,39 @@ def command(
         what = f"line {optional_line} begins with /, and the parts behind it count such blocks as run"
         click.echo(f"dnc: warning: {program}: {what}; switch block skip off at the control", err=True)
     _tell_earlier_parts(output, program, len(parts))
+    _print(names, parts, as_json=as_json)
+    return 0
+
+
+def _heights(job: Job, profile: MachineProfile, retract_z_mm: float | None) -> Heights:
+    """Where the tool goes between two parts, as the job says; the retract as given, else the profile's."""
+    from dnc.control_side import decimals_of
+    from dnc.preamble import Heights
+
+    operation = job.operation[0]
+    return Heights(
+        safe_z_mm=job.setup.safe_z_mm,
+        clearance_z_mm=job.setup.clearance_z_mm,
+        plunge_mm_min=operation.plunge_mm_min,
+        dwell_s=operation.spindle_dwell_s,
+        retract_z_mm=profile.control.retract_z_mm if retract_z_mm is None else retract_z_mm,
+        decimals=decimals_of(profile),
+    )
+
+
+def _print(names: list[Path], parts: list[Part], *, as_json: bool) -> None:
+    from dnc.progress import printable
+
     rows = [
         {"file": name.name, "bytes": len(part.data), "first_line": part.first_line, "last_line": part.last_line}
         for name, part in zip(names, parts, strict=True)
     ]
     if as_json:
         click.echo(json.dumps({"schema": "dripmill.split", "version": 1, "parts": rows}, indent=1))
-    for row in () if as_json else rows:
-        click.echo(
-            f"{printable(str(row['file']))}: {row['bytes']} bytes, lines {row['first_line']} to {row['last_line']}"
-        )
-    return 0
+        return
+    for row in rows:
+        lines = f"lines {row['first_line']} to {row['last_line']}"
+        click.echo(f"{printable(str(row['file']))}: {row['bytes']} bytes, {lines}")
 
 
 def _tell_earlier_parts(folder: Path, program: Path, count: int) -> None:
