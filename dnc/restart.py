@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from dnc.errors import InputRejected
 from dnc.preamble import SPLINES, Heights, Spelling, lift_of, preamble_blocks, unit_code
-from dnc.whereabouts import Whereabouts, dimensions, names
+from dnc.whereabouts import Whereabouts, counters_of, dimensions, names
 from planner.gcode import GROUP_OF, Block, ModalGroup, SyntaxProblem, code_of, read_block, value_text
 from sim.interpreter import canon
 from sim.interpreter.frames import ORIGIN
@@ -190,7 +190,8 @@ def _changed_by_the_first_run(data: bytes, place: _Place, settings: Settings) ->
     for line, raw in enumerate(_lines(data), 1):
         interpreter.block(raw.rstrip(b"\r\n"), line)
     variables = interpreter.variables
-    return min((name for name in variables.unset_read if int(name[1:]) in variables.r), default=None)
+    lost = {int(name[1:]) for name in variables.unset_read} & variables.r.keys() - counters_of(data)
+    return f"R{min(lost)}" if lost else None
 
 
 def _obstacle_at(data: bytes, place: _Place, heights: Heights, settings: Settings) -> str | None:
@@ -264,14 +265,15 @@ def _obstacle(interpreter: Interpreter) -> str | None:
 
 def _places(data: bytes, settings: Settings | None) -> Iterator[_Place]:
     """Every line with the state before it, until the control would stop."""
-    interpreter = Interpreter(settings)
-    whereabouts = Whereabouts(are_offsets_known=settings is not None and bool(settings.work_offsets_mm))
+    interpreter, counters = Interpreter(settings), counters_of(data)
+    are_offsets_known = settings is not None and bool(settings.work_offsets_mm)
+    whereabouts = Whereabouts(are_offsets_known=are_offsets_known, counters=counters)
     offset = 0
     for line, raw in enumerate(_lines(data), 1):
         state = interpreter.state
         if state.is_ended:
             return
-        parameters = dict(interpreter.variables.r)
+        parameters = {number: value for number, value in interpreter.variables.r.items() if number not in counters}
         obstacle = _obstacle(interpreter) or whereabouts.obstacle
         block = _read(raw)
         yield _Place(line, block.number if block else None, offset, state, parameters, obstacle, whereabouts.untold)

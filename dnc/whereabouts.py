@@ -5,9 +5,10 @@ A restart is computed from blocks alone, so nothing may be taken for known that 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
-from planner.gcode import GROUP_OF, Block, ModalGroup, code_of
+from planner.gcode import GROUP_OF, Block, Call, ModalGroup, Word, code_of
 from sim.interpreter import canon
 from sim.interpreter.state import State
 from sim.interpreter.values import Variables
@@ -16,6 +17,11 @@ _IN_MACHINE = frozenset({ModalGroup.SUPPRESSION, ModalGroup.ONE_SHOT})
 """Codes in whose blocks X, Y and Z are no places in the program's own coordinates; those of frames move nothing."""
 _OF_PLACES = frozenset({"$AA_IW", "$P_EP"})
 _OF_THE_CONTROL = frozenset({"$AA_IM", "$P_TOOLR"})
+_COUNTING = re.compile(
+    rb"^[ \t]*(?:[N:][ \t]*\d+[ \t]*)?R(\d+)[ \t]*=[ \t]*R(\d+)[ \t]*[-+][ \t]*[\d.]+[ \t\r]*(?:;.*)?$",
+    re.MULTILINE | re.IGNORECASE,
+)
+_PARAMETER = re.compile(rb"(?<![A-Z_])R[ \t]*(\[|\d+)", re.IGNORECASE)
 
 
 class Whereabouts:
@@ -23,11 +29,12 @@ class Whereabouts:
 
     Those are axes that were moved in machine coordinates (SUPA, G53, reference points) or before the work offset
     changed, until a dimension in the program's own coordinates moves them again. `untold` are those that no such
-    dimension has moved yet: they stand where the operator left them.
+    dimension has moved yet: they stand where the operator left them. What is read of `counters` moves nothing.
     """
 
-    def __init__(self, *, are_offsets_known: bool) -> None:
+    def __init__(self, *, are_offsets_known: bool, counters: frozenset[int] = frozenset()) -> None:
         self._are_offsets_known = are_offsets_known
+        self._counters = {f"R{number}" for number in counters}
         self._moved: set[int] = set()
         self._unsure: set[int] = set()
         self._is_offset_named = False
@@ -80,7 +87,7 @@ class Whereabouts:
             self.untold -= told
 
     def _note_reading(self, variables: Variables) -> None:
-        read = set(variables.unset_read)
+        read = variables.unset_read - self._counters
         is_place_unsure = bool(self.untold or (self._unsure and not self._are_offsets_known))
         read |= variables.system_read & (_OF_PLACES if is_place_unsure else frozenset())
         read |= variables.system_read & (frozenset() if self._are_offsets_known else _OF_THE_CONTROL)
@@ -88,15 +95,31 @@ class Whereabouts:
         self._read = self._read or min(read, default="")
 
 
+def counters_of(data: bytes) -> frozenset[int]:
+    r"""R parameters that a program only counts up or down, such as the number of parts: nothing else depends on them.
+
+    >>> sorted(counters_of(b"R5=R5+1\nN7 R99=R99+1 ; parts\nX=R5\n"))
+    [99]
+    """
+    counted = {int(one) for one, other in _COUNTING.findall(data) if int(one) == int(other)}
+    used = set(_PARAMETER.findall(_COUNTING.sub(b"", data))) if counted else set()
+    return frozenset() if b"[" in used else frozenset(counted - {int(number) for number in used})
+
+
 def dimensions(block: Block) -> set[int]:
-    """The axes that have a number in a block; an expression may be IC().
+    """The axes whose end a block says, by a number or an expression: all but those that IC() moves, or a curve of PO().
 
     >>> from planner.gcode import read_block
-    >>> dimensions(read_block("G1 X2 Z=IC(3)"))
-    {0}
+    >>> dimensions(read_block("G1 X2 Y=R1+5 Z=IC(3)"))
+    {0, 1}
     """
-    named = {word.address: word.value for word in block.words}
-    return {axis for axis, name in enumerate("XYZ") if isinstance(named.get(name), float)}
+    named = {word.address: word for word in block.words}
+    return {axis for axis, name in enumerate("XYZ") if name in named and _is_absolute(named[name])}
+
+
+def _is_absolute(word: Word) -> bool:
+    """Whether the value of an axis is the place itself where G90 is in force."""
+    return word.value is not None and not (isinstance(word.value, Call) and word.value.name in ("IC", "PO"))
 
 
 def names(axes: Iterable[int]) -> str:

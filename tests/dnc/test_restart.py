@@ -161,6 +161,32 @@ def test_a_parameter_that_the_first_run_has_changed_is_no_place_to_restart() -> 
     assert restart_at_line(b"R1=3\n" + data, line + 1, HEIGHTS)
 
 
+@pytest.mark.parametrize("counting", ["N95 R99=R99+1 ; parts\r\n", "r099 = R99 - 1\n"])
+def test_a_parameter_that_only_counts_parts_hinders_no_restart(counting: str) -> None:
+    """(6.8) Nothing depends on it, and the preamble leaves it as the control has it; used elsewhere it is an input."""
+    cuts = "G1 Z1 F100\nX10\n"
+    line = HEAD.count("\n") + 2
+    assert restart_at_line(f"{HEAD}{cuts}{counting}M30\n".encode(), line, HEIGHTS)
+    behind = restart_at_line(f"{counting}{HEAD}{cuts}M30\n".encode(), line + 1, HEIGHTS)
+    assert not [block for block in behind.preamble if "R99" in block]
+    for used in ("X=R99", "X=R[99]", "R1=R99"):
+        with pytest.raises(InputRejected, match="R99 is read"):
+            restart_at_line(f"{HEAD}{cuts}{used}\n{counting}M30\n".encode(), line, HEIGHTS)
+
+
+def test_a_program_that_names_its_places_by_parameters_is_restarted() -> None:
+    """(6.8) X=R1 says where X stands as X7 does."""
+    rest = "G1 Z1 F100\nX20\nG0 Z50\nM30\n"
+    told = (HEAD.replace("X0 Y0\nZ10", "X7 Y3\nZ12") + rest).encode()
+    text = HEAD.replace("Z50", "Z=R3").replace("X0 Y0\nZ10", "X=R1 Y=AC(R2/3)\nZ=R2+3")
+    line = HEAD.count("\n") + 2
+    point = restart_at_line(f"R1=7 R2=9 R3=50\n{text}{rest}".encode(), line + 1, HEIGHTS)
+    assert point.preamble == ("R1=7", "R2=9", "R3=50", *restart_at_line(told, line, HEIGHTS).preamble)
+    for unsaid in ("X=IC(R1)", "X=R4"):
+        with pytest.raises(InputRejected, match=r"where X stands is not said|reads R4 before"):
+            restart_at_line(f"R1=7 R2=9 R3=50\n{text}{rest}".replace("X=R1", unsaid).encode(), line + 1, HEIGHTS)
+
+
 def test_heights_do_not_sink_with_a_frame_that_lowers_z() -> None:
     """(6.8) Under TRANS Z-40 the preamble went aside 40 mm below the safe height of the job, through the part."""
     data = (HEAD.replace("Z3", "Z-40") + "G1 Z1 F100\nX10\nX20\nG0 Z50\nM30\n").encode()
@@ -244,6 +270,7 @@ LASTING = [
     *("BSPLINE X1 Z1", "X2 Z2", "X3 Z1", "X5 Z0", "G1 X7", "CSPLINE X1 Y1", "X4 Y6", "CT X9 Y30", "G41 G1 X5 Y5"),
     *("X20 Y5", "G40 G1 X30 Y0", "G0 X12", "G0 Z30", "G1 Z-1 F80", "G2 X14 Y9 CR=200", "G3 I5 J0", "Y-7.5", "Z3"),
     *("POLY PO[X]=(7,1,.5) PO[Z]=(2,.1)", "CIP X8 Y-3 I1=4 J1=9", "G1 X-11 Y4 Z2 F250.5"),
+    *("G0 X=R1 Y=AC(R2)", "Z=R1+9", "G1 Y=IC(R2) F90", "X=$P_EP[X]+1", "R7=R7+1", "POLY X=PO(8,1,.5)"),
 ]  # fmt: skip
 
 
