@@ -260,7 +260,7 @@ class SerialPort:
         if self._modem is None:
             return text
         other = next(name for name, modem in _MODEM.items() if modem is self._presence)
-        return f"{text}; if it drops {line} whenever it holds, use --handshake {other}"
+        return f"{text}; if it drops {line} whenever it holds, use --handshake {other}, or xonxoff where it drops both"
 
     def _is_on(self, mask: int) -> bool:
         (lines,) = struct.unpack("I", fcntl.ioctl(self._fd, termios.TIOCMGET, b"\0\0\0\0"))

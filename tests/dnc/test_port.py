@@ -236,9 +236,9 @@ def with_modem_lines(monkeypatch: pytest.MonkeyPatch, lines: list[int]) -> None:
     [
         ("xonxoff", termios.TIOCM_DSR, "DSR went off, the control was switched off or its cable was pulled$"),
         ("xonxoff", termios.TIOCM_CTS, ""),
-        ("rtscts", termios.TIOCM_DSR | termios.TIOCM_CTS, "DSR went off.*, use --handshake dtrdsr"),
+        ("rtscts", termios.TIOCM_DSR | termios.TIOCM_CTS, "DSR went off.*, use --handshake dtrdsr, or xonxoff"),
         ("rtscts", termios.TIOCM_CTS, ""),
-        ("dtrdsr", termios.TIOCM_DSR | termios.TIOCM_CTS, "CTS went off.*, use --handshake rtscts"),
+        ("dtrdsr", termios.TIOCM_DSR | termios.TIOCM_CTS, "CTS went off.*, use --handshake rtscts, or xonxoff"),
         ("dtrdsr", termios.TIOCM_DSR, ""),
     ],
 )
