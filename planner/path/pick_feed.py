@@ -51,7 +51,7 @@ class PickFeeds:
 
 
 def solve_pick_feeds(
-    exact: Ground, scallop_mm: float, *, accuracy_mm: float, high_mm: float = 0.0, sweeps: int = 60
+    exact: Ground, scallop_mm: float, *, accuracy_mm: float, high_mm: float = 0.0, sweeps: int = 160
 ) -> PickFeeds:
     """The fewest parallel planes whose passes leave at most `scallop_mm` anywhere, each as far on as it can be.
 
@@ -123,10 +123,11 @@ def _brackets(known: Brackets, planes_mm: Array, peaks: Peaks, scallop_mm: float
     feeds = np.diff(planes_mm)
     is_narrow = is_still & (peaks.height_mm > 0) & (peaks.height_mm < scallop_mm - accuracy_mm) & (peaks.by_b > 0)
     is_wide = is_still & (peaks.height_mm > scallop_mm + accuracy_mm)
-    return Brackets(
-        np.where(is_narrow, np.maximum(floor_mm, feeds), floor_mm),
-        np.where(is_wide, np.minimum(ceiling_mm, feeds), ceiling_mm),
-    )
+    floor_mm = np.where(is_narrow, np.maximum(floor_mm, feeds), floor_mm)
+    ceiling_mm = np.where(is_wide, np.minimum(ceiling_mm, feeds), ceiling_mm)
+    # A floor that the ceiling has come down to was seen while the lower pass stood a trifle elsewhere: it is none.
+    is_stale = is_wide & (ceiling_mm - floor_mm < NEAR_CEILING[0] * feeds)
+    return Brackets(np.where(is_stale, 0.0, floor_mm), ceiling_mm)
 
 
 def _off(planes_mm: Array, peaks: Peaks, known: Brackets, scallop_mm: float) -> Array:

@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-SEAM_MM = 1e-3  # nearer than this two ends of a patch, or two pieces of a pass, meet
+SEAM_MM = 1e-3  # nearer than this two ends of a patch meet
+ROUNDING_MM = 1e-6  # of places at which balls were found to stand: pieces nearer than that meet
 NEAR_MIDDLE = 0.02  # of a blank: no further from its middle the middle of the parameters at its ends must lie
 STEPS = 64  # over a blank: where the patch nearly folds in it, few lead over the place
 SAME_PLACE = 1e-3  # of the domain: parameters no further apart are those of one place
@@ -37,6 +38,11 @@ class Pieces:
     def take(self, chosen: Indices) -> Pieces:
         """The chosen pieces only."""
         return Pieces(self.owner[chosen], self.x[chosen], self.parameters[:, chosen])
+
+    def between(self, before: Indices, after: Indices) -> Pieces:
+        """The blanks from the ends of the pieces `before` (m,) to the begins of those `after`, in the same passes."""
+        ends = np.stack([self.parameters[:, before, 1], self.parameters[:, after, 0]], axis=2)
+        return Pieces(self.owner[before], np.stack([self.x[before, 1], self.x[after, 0]], axis=1), ends)
 
 
 def pass_runs(
@@ -66,64 +72,52 @@ def pass_runs(
         np.concatenate([np.stack([place, place], axis=1), inside.x]),
         np.concatenate([np.stack([on_pass, on_pass], axis=2), inside.parameters], axis=1),
     )
-    return joined_runs(surface, planes_mm, pieces, join_mm=join_mm, blanks=blanks_inside(*crossed))
+    return joined_runs(surface, planes_mm, pieces, join_mm=join_mm)
 
 
 def runs_inside(passes: Indices, x: Array, parameters: Array) -> Pieces:
     """Where passes run inside a ring, from their crossings of it in any order: passes, x and parameters (2, m)."""
-    return _between(passes, x, parameters, 0)
-
-
-def blanks_inside(passes: Indices, x: Array, parameters: Array) -> Pieces:
-    """Where passes leave the ring and come back to it, from the same crossings."""
-    return _between(passes, x, parameters, 1)
-
-
-def _between(passes: Indices, x: Array, parameters: Array, odd: int) -> Pieces:
-    """From every first crossing of a pass to its second and so on, or from every second to the next (`odd` = 1)."""
     order = np.lexsort((x, passes))
     passes, x, parameters = passes[order], x[order], parameters[:, order]
     rank = np.arange(len(passes)) - np.searchsorted(passes, passes)
-    start = np.flatnonzero((rank % 2 == odd)[:-1] & (passes[1:] == passes[:-1]))
+    start = np.flatnonzero((rank % 2 == 0)[:-1] & (passes[1:] == passes[:-1]))
     ends = np.stack([start, start + 1], axis=1)
     return Pieces(passes[start], x[ends], parameters[:, ends])
 
 
-def joined_runs(
-    surface: OffsetSurface, planes_mm: Array, pieces: Pieces, *, join_mm: float, blanks: Pieces
-) -> tuple[Indices, Array]:
+def joined_runs(surface: OffsetSurface, planes_mm: Array, pieces: Pieces, *, join_mm: float) -> tuple[Indices, Array]:
     """Pieces sorted, those of a pass no further than `join_mm` apart as one: pass (k,) and [from, to] in x (k, 2).
 
-    Two between which the extended patch does not go on stay two. So do those at both ends of a slot among the
-    `blanks`, though all in between meet: what is needed there belongs to the nearer side, the widest gap stays open.
+    Two between which the extended patch does not go on stay two. Beside a narrow slot what is needed of one side may
+    stand between pieces of the other: each is put to its own side then, and the runs overlap.
     """
     pieces = pieces.take(np.lexsort((pieces.x[:, 0], pieces.owner)))
     owner, (low, high) = pieces.owner, pieces.x.T
-    before = _furthest(owner, high)
-    gap_mm = low[1:] - high[before]
-    is_same = owner[1:] == owner[:-1]
-    is_open = np.append(True, ~is_same | (gap_mm > join_mm))
-    asked = np.flatnonzero(~is_open[1:] & (gap_mm > SEAM_MM))
-    ends = np.stack([pieces.parameters[:, before[asked], 1], pieces.parameters[:, asked + 1, 0]], axis=2)
-    gaps = Pieces(owner[asked], np.stack([high[before[asked]], low[asked + 1]], axis=1), ends)
-    is_open[asked + 1] = ~_goes_on(surface, planes_mm, gaps)
-    blanks = blanks.take(np.flatnonzero(blanks.x[:, 1] - blanks.x[:, 0] > SEAM_MM))
-    for one in np.flatnonzero(~_goes_on(surface, planes_mm, blanks)).tolist():
-        begin, end = blanks.x[one]
-        inside = np.flatnonzero(is_same & (owner[1:] == blanks.owner[one]) & (high[before] >= begin) & (low[1:] <= end))
-        if len(inside) and not is_open[inside + 1].any():
-            is_open[inside[np.argmax(gap_mm[inside])] + 1] = True
-    starts = np.flatnonzero(is_open[: len(owner)])
-    return owner[starts], np.stack([low[starts], np.maximum.reduceat(high, starts) if len(starts) else low], axis=1)
+    furthest = _furthest(owner, high)
+    gap_mm = low[1:] - high[furthest[:-1]]
+    is_open = np.append(np.ones(min(len(owner), 1), dtype=bool), (owner[1:] != owner[:-1]) | (gap_mm > join_mm))
+    asked = np.flatnonzero(~is_open[1:] & (gap_mm > ROUNDING_MM)) + 1
+    is_open[asked] = ~_goes_on(surface, planes_mm, pieces.between(furthest[asked - 1], asked))
+    starts = np.flatnonzero(is_open)
+    lasts = furthest[np.append(starts[1:], len(owner)) - 1]
+    is_near = (owner[starts[2:]] == owner[starts[:-2]]) & (low[starts[2:]] - high[lasts[:-2]] <= join_mm)
+    over = np.flatnonzero(is_near)
+    side = np.arange(len(starts))
+    for one in over[_goes_on(surface, planes_mm, pieces.between(lasts[over], starts[over + 2]))].tolist():
+        side[one + 2] = side[one]
+    kept, at = np.unique(side, return_inverse=True)
+    reach = np.full(len(kept), -np.inf)
+    np.maximum.at(reach, at, high[lasts])
+    return owner[starts[kept]], np.stack([low[starts[kept]], reach], axis=1)
 
 
 def _furthest(owner: Indices, high: Array) -> Indices:
-    """Of all pieces but the last, sorted by pass: which one of its pass so far reaches furthest."""
+    """Up to each piece (k,), sorted by pass: which one of its pass so far reaches furthest."""
     by_reach = np.argsort(high, kind="stable")
     rank = np.empty(len(owner), dtype=np.intp)
     rank[by_reach] = np.arange(len(owner))
     base = owner * len(owner)
-    return np.asarray(by_reach[np.maximum.accumulate(base + rank) - base], dtype=np.intp)[:-1]
+    return np.asarray(by_reach[np.maximum.accumulate(base + rank) - base], dtype=np.intp)
 
 
 def _goes_on(surface: OffsetSurface, planes_mm: Array, gaps: Pieces) -> Flags:
@@ -134,7 +128,7 @@ def _goes_on(surface: OffsetSurface, planes_mm: Array, gaps: Pieces) -> Flags:
     y, wide_mm, (here, there) = planes_mm[gaps.owner], np.ptp(gaps.x, axis=1), np.moveaxis(gaps.parameters, 2, 0)
     middle = surface.evaluate(*((here + there) / 2)).centre[:2]
     off_mm = np.abs(middle - [gaps.x.mean(axis=1), y]).max(axis=0)
-    goes_on = np.asarray(off_mm <= NEAR_MIDDLE * wide_mm)
+    goes_on = np.asarray(off_mm <= NEAR_MIDDLE * wide_mm + ROUNDING_MM)
     doubt = np.flatnonzero(~goes_on)
     if len(doubt):
         start, stop = gaps.x[doubt].T

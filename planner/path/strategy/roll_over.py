@@ -18,7 +18,7 @@ from planner.path.coverage import crossings
 from planner.path.offset import OffsetSurface, dot
 from planner.path.peaks import Peaks
 from planner.path.roll import RolledSurface, rolled
-from planner.path.runs import blanks_inside, joined_runs, runs_inside
+from planner.path.runs import joined_runs, runs_inside
 from planner.path.trace import TracedCurve
 
 Array = NDArray[np.float64]
@@ -102,7 +102,7 @@ def roll_over(surface: OffsetSurface, planes_mm: Array, *, out_mm: float, pick_f
     planes = np.concatenate([planes_mm[0] - before[::-1], planes_mm, planes_mm[-1] + behind])
     crossed = crossings(over, rim, planes)
     join_mm = 2 * float(np.diff(planes).max(initial=out_mm))
-    plane, runs = joined_runs(over, planes, runs_inside(*crossed), join_mm=join_mm, blanks=blanks_inside(*crossed))
+    plane, runs = joined_runs(over, planes, runs_inside(*crossed), join_mm=join_mm)
     owner, pieces = _pieces(plane, runs, *_kinks(over, planes, out_mm / 4))
     return Rolling(over, planes, owner, plane[owner], pieces, len(before), len(behind))
 

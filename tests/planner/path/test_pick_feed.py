@@ -16,6 +16,7 @@ from planner.path.coverage import border_heights
 from planner.path.model import DrivingPlane
 from planner.path.offset import OffsetSurface
 from planner.path.peaks import survey
+from planner.path.pick_feed import Brackets, _brackets
 from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
 from planner.path.trace import trace
 from planner.surface.load import load_surface
@@ -139,6 +140,18 @@ def test_the_scheme_of_the_paper_gives_the_same_list_of_passes(scallop_mm: float
     for found_mm in layout.planes_mm[1:-1]:
         plane_mm = min(paper_plane_from_border(layout.ground.surface, plane_mm, scallop_mm, v) for v in (0.0, 1.0))
         assert abs(plane_mm - found_mm) < 1e-3
+
+
+def test_a_floor_that_the_ceiling_comes_down_to_is_given_up() -> None:
+    """(4.7) Seen while the lower pass stood a trifle elsewhere, it held a gap at a feed too wide for ever."""
+    layout = lay_parallel(plane_patch(20.0), Wishes(R, 0.0, None, 2.0), accuracy_mm=1e-7)
+    planes_mm, peaks = layout.planes_mm, layout.peaks
+    feeds, open_ = np.diff(planes_mm), np.full(len(planes_mm) - 1, np.inf)
+    peaks = replace(peaks, first_mm=0.08)
+    assert peaks.height_mm[0] > 0.08
+    near, far = (_brackets(Brackets(share * feeds, open_), planes_mm, peaks, 0.08, 1e-7) for share in (1 - 1e-9, 0.9))
+    assert (near.floor_mm[0], near.ceiling_mm[0]) == (0.0, feeds[0])
+    assert (far.floor_mm[0], far.ceiling_mm[0]) == (0.9 * feeds[0], feeds[0])
 
 
 @pytest.mark.parametrize("pick_feed_mm", [0.7, 1.0, 3.0, 19.0, 50.0])

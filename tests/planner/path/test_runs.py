@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,20 @@ def test_no_pass_that_meets_two_legs_past_their_ends_only_crosses_the_slot(rise_
     for inner, outer in ends:  # short pieces are made longer, on both sides
         assert inner < 3.0
         assert outer > 4.1
+
+
+@pytest.mark.parametrize(("slot_mm", "angle_deg"), [(0.1, 0.0), (0.6, 20.0), (1.6, 70.0)])
+def test_passes_beside_a_narrow_slot_are_two_and_no_more(slot_mm: float, angle_deg: float) -> None:
+    """Where they cross it slantwise, what is needed of both sides stands in turns: each piece goes to its own side.
+
+    Cut wherever the side changes, a pass came to 22 pieces.
+    """
+    wishes = Wishes(2.0, np.radians(angle_deg), None, 3.0)
+    curves = lay_parallel(horns(0.0, slot_mm), wishes, accuracy_mm=1e-7).curves
+    pieces = Counter(curve.plane.offset_mm for curve in curves)
+    assert max(pieces.values()) <= 3  # the third is a horn
+    if angle_deg == 0.0:
+        assert not any(crosses_slot(curve) for curve in curves)
 
 
 def test_a_pass_is_not_joined_over_a_fold_in_the_round_end_of_a_slot() -> None:
