@@ -31,13 +31,9 @@ def split_program(data: bytes, most_bytes: int, heights: Heights, settings: Sett
     """Parts of at most `most_bytes` bytes; every part but the first begins with a preamble that restores its state.
 
     Cuts lie before blocks that begin at or above the clearance height. Raises InputRejected where the blocks between
-    two such places do not fit, where a jump would need a label that another part holds, and where no line ends in LF.
+    two such places do not fit, where a jump would need a label that another part holds, and where nothing but CR
+    divides them.
     """
-    if b"\n" not in data.rstrip():
-        raise InputRejected(
-            "the program has no LF, so that the control takes all of it for one block",
-            remedy="end blocks by LF or CR LF",
-        )
     parts = _cut(data, most_bytes, heights, settings)
     if len(parts) > 1 and _JUMPS.search(data):
         _require_jumps(data, parts, settings)
@@ -48,6 +44,11 @@ def _cut(data: bytes, most_bytes: int, heights: Heights, settings: Settings | No
     last_line = data.count(b"\n") + (not data.endswith(b"\n"))
     if len(data) <= most_bytes:
         return [Part(data, 1, last_line)]
+    if b"\n" not in data.rstrip():
+        raise InputRejected(
+            "the program has no LF between its blocks, so that the control takes all of it for one",
+            remedy="end blocks by LF or CR LF",
+        )
     places = list(clear_points(data, heights, settings))
     parts: list[Part] = []
     begin: RestartPoint | None = None

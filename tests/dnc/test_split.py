@@ -101,6 +101,7 @@ def test_parts_of_an_inch_program_cut_the_same() -> None:
 def test_what_fits_stays_whole() -> None:
     data = program(count=2)
     assert [part.data for part in split_program(data, len(data), HEIGHTS)] == [data]
+    assert [part.data for part in split_program(b"M30\n", 200, HEIGHTS)] == [b"M30\n"]  # it was told to have no LF
 
 
 def test_a_part_ends_as_high_as_the_job_says_under_a_frame_that_lowers_z() -> None:
@@ -126,7 +127,7 @@ def test_a_pass_too_long_is_refused() -> None:
 
 def test_a_program_without_line_feeds_is_refused() -> None:
     """(2.7) Blocks that end by CR alone raised a ValueError behind a header."""
-    with pytest.raises(InputRejected, match="has no LF"):
+    with pytest.raises(InputRejected, match="has no LF between its blocks"):
         split_program(program().replace(b"\n", b"\r"), 1000, HEIGHTS)
 
 
