@@ -214,7 +214,8 @@ def _obstacle_at(data: bytes, place: _Place, heights: Heights, settings: Setting
         if motion == "CT" or (motion in ("ASPLINE", "CSPLINE") and start == "BTAN"):
             return f"{motion} takes its direction from the move before"
         is_sure = is_sure and block.skip_level is None and _ELSEWHERE.isdisjoint(codes)
-        is_told = is_told or (is_sure and (motion, dimension) == ("G0", "G90") and place.untold <= dimensions(block))
+        is_aside = (motion, dimension) == ("G0", "G90") and all(word.address != "Z" for word in block.words)
+        is_told = is_told or (is_sure and is_aside and place.untold <= dimensions(block))
         is_sure = False
         if motion not in ("G0", "G1") or _moves_surely(block, dimension, standing, is_inch=state.is_inch):
             break

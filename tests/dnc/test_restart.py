@@ -146,7 +146,9 @@ def test_axes_stay_where_they_stand_until_the_first_rapid_moves_them() -> None:
     preamble = restart_at_line((head + behind).encode(), line, HEIGHTS).preamble
     assert not [block for block in preamble if "X" in block and block.startswith("G0")]
     assert [block for block in preamble if block.startswith("G0 Z")] == ["G0 Z50", "G0 Z50"]
-    for other in ("N1 G0 X7\n", "N1 G1 X7 Y8 F100\n", "N1 G91 G0 X7 Y8\n", "/N1 G0 X7 Y8\n", "N1 SUPA G0 X7 Y8\n"):
+    others = ["G0 X7", "G1 X7 Y8 F100", "G91 G0 X7 Y8", "SUPA G0 X7 Y8"]
+    # The last would come down aslant from over the part, where the first run has stopped.
+    for other in (*(f"N1 {block}\n" for block in others), "/N1 G0 X7 Y8\n", "N1 G0 X7 Y8 Z10\n"):
         with pytest.raises(InputRejected, match="where X, Y stands is not said before"):
             restart_at_line((head + behind.replace("N1 G0 X7 Y8\n", other)).encode(), line, HEIGHTS)
 
