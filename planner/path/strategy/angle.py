@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 def best_angle_rad(
     patch: NurbsPatch, side: int, radius_mm: float, scallop_mm: float | None, *, step_deg: float = 5.0
 ) -> float:
-    """The angle in [0, pi) whose passes come out shortest, from local pick feeds, eq. (15), at steps of `step_deg`.
+    """The angle in [0, pi) whose passes promise to be shortest by local pick feeds, eq. (15), in steps of `step_deg`.
 
-    The length is estimated strip by strip: the area of a strip, stretched by the slope along the
-    pass (7), over the least pick feed in it. With a fixed pick feed
-    all directions cut the same area, so the one with the fewest passes is taken.
+    The length is estimated strip by strip: the area of a strip, stretched by the slope along the pass (7), over the
+    least pick feed in it. Directions that differ by less than a per cent may stand in the wrong order. With a fixed
+    pick feed all directions cut the same area, so the one with the fewest passes is taken.
     """
     angles = np.radians(np.arange(0.0, 180.0, step_deg))
     costs = [_cost(OffsetSurface(patch.turned(float(angle)), radius_mm, side), scallop_mm) for angle in angles]
