@@ -28,7 +28,8 @@ class _Lossy(io.FileIO):
     """What stderr cannot take is lost: no full disk or gone reader behind it may end a job or change its exit code."""
 
     def write(self, data: Any, /) -> int:
-        """As a file does, but what meets an error counts as written."""
+        """As a file does, but what meets an error, or would have to wait where nothing may, counts as written."""
+        written: int | None = None
         with contextlib.suppress(OSError):
-            return super().write(data)
-        return len(data)
+            written = super().write(data)
+        return len(data) if written is None else written

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -31,19 +32,27 @@ def test_a_full_disk_behind_the_output_is_a_sentence() -> None:
 @pytest.mark.parametrize(
     ("words", "code"), [(["machines"], 0), (["check", "absent.mpf"], 3), (["send", "absent.mpf"], 2)], ids=str
 )
-@pytest.mark.parametrize("where", ["/dev/full", "closed", "nobody reads"])
+@pytest.mark.parametrize("where", ["/dev/full", "closed", "nobody reads", "takes no more now"])
 def test_a_lost_stderr_changes_no_exit_code(words: list[str], code: int, where: str) -> None:
     """(2.7) `2> file` on a full disk ended every command that had to complain with 120."""
     read, write = os.pipe()
+    reader = os.fdopen(read, "rb")
     if where == "/dev/full":
         os.dup2(full := os.open(where, os.O_WRONLY), write)
         os.close(full)
-    os.close(read)
+    if where == "takes no more now":  # as a terminal that another program has set not to block
+        os.set_blocking(write, False)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                os.write(write, b"x" * 4096)
+    else:
+        reader.close()
     command = [sys.executable, "-m", "dnc", *words]
     if where == "closed":
         command = ["/bin/sh", "-c", 'exec "$@" 2>&-', "sh", *command]
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=write, check=False)
     os.close(write)
+    reader.close()
     assert done.returncode == code
 
 
