@@ -11,8 +11,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from dnc.errors import InputRejected
+from dnc.parameters import changed_by_the_first_run, counters_of, lines_of
 from dnc.preamble import SPLINES, Heights, Spelling, lift_of, preamble_blocks, unit_code
-from dnc.whereabouts import Whereabouts, counters_of, dimensions, names
+from dnc.whereabouts import Whereabouts, dimensions, names
 from planner.gcode import GROUP_OF, Block, ModalGroup, SyntaxProblem, code_of, read_block, value_text
 from sim.interpreter import canon
 from sim.interpreter.frames import ORIGIN
@@ -23,7 +24,6 @@ from sim.interpreter.state import INCH_MM, State
 
 _OPTIONAL = re.compile(rb"^[ \t\r]*(?:[N:][ \t]*\d+[ \t]*)?/", re.MULTILINE | re.IGNORECASE)
 _GEOMETRY = frozenset({"X", "Y", "Z", "PO"})
-_PARAMETER = re.compile(rb"(?<![A-Z_])R[ \t]*[\d\[]", re.IGNORECASE)
 _STAYING = frozenset({"G", "M", "S", "T", "D", "F", "H", "MSG"})
 """Addresses of blocks that surely move nothing where no code of _ELSEWHERE stands beside them."""
 _ELSEWHERE = frozenset({ModalGroup.FRAME, ModalGroup.SUPPRESSION, ModalGroup.ONE_SHOT})
@@ -175,23 +175,11 @@ def _restart(data: bytes, place: _Place, heights: Heights, settings: Settings) -
 def _restart_after_stop(data: bytes, place: _Place, heights: Heights, settings: Settings) -> RestartPoint:
     """As `_restart`, where the program has run on from this place before and may have left other R parameters."""
     point = _restart(data, place, heights, settings)
-    lost = _changed_by_the_first_run(data, place, settings)
+    lost = changed_by_the_first_run(data, place.offset_bytes, settings)
     if lost is not None:
         what = f"line {place.line}: {lost} is read behind it before the program sets it, and may be changed by now"
         raise InputRejected(what, remedy=f"set {lost} by hand to what it was, and run the program from its start")
     return point
-
-
-def _changed_by_the_first_run(data: bytes, place: _Place, settings: Settings) -> str | None:
-    """An R parameter that was the control's own until this place, is read behind it and set behind that, or None."""
-    if _PARAMETER.search(data, place.offset_bytes) is None:
-        return None
-    interpreter = Interpreter(settings)
-    for line, raw in enumerate(_lines(data), 1):
-        interpreter.block(raw.rstrip(b"\r\n"), line)
-    variables = interpreter.variables
-    lost = {int(name[1:]) for name in variables.unset_read} & variables.r.keys() - counters_of(data)
-    return f"R{min(lost)}" if lost else None
 
 
 def _obstacle_at(data: bytes, place: _Place, heights: Heights, settings: Settings) -> str | None:
@@ -202,7 +190,7 @@ def _obstacle_at(data: bytes, place: _Place, heights: Heights, settings: Setting
     motion, start, dimension = state.motion, state.spline_start, state.dimension
     is_told, is_sure = not place.untold, 2 not in place.untold and _is_clear(state, heights, settings)
     standing = _programmed(state, settings)
-    for raw in _lines(data, place.offset_bytes):
+    for raw in lines_of(data, place.offset_bytes):
         block = _read(raw)
         codes = {GROUP_OF.get(code): code for code in map(code_of, block.words if block else ()) if code}
         motion = codes.get(ModalGroup.MOTION, motion)
@@ -266,11 +254,11 @@ def _obstacle(interpreter: Interpreter) -> str | None:
 
 def _places(data: bytes, settings: Settings | None) -> Iterator[_Place]:
     """Every line with the state before it, until the control would stop."""
-    interpreter, counters = Interpreter(settings), counters_of(data)
+    interpreter, counters = Interpreter(settings), counters_of(data, settings)
     are_offsets_known = settings is not None and bool(settings.work_offsets_mm)
     whereabouts = Whereabouts(are_offsets_known=are_offsets_known, counters=counters)
     offset = 0
-    for line, raw in enumerate(_lines(data), 1):
+    for line, raw in enumerate(lines_of(data), 1):
         state = interpreter.state
         if state.is_ended:
             return
@@ -282,14 +270,6 @@ def _places(data: bytes, settings: Settings | None) -> Iterator[_Place]:
         is_run, after = not interpreter.is_in_structure, interpreter.modal
         whereabouts.note(block, commands, state.work_offset, after, interpreter.variables, is_run=is_run)
         offset += len(raw)
-
-
-def _lines(data: bytes, start: int = 0) -> Iterator[bytes]:
-    """Lines with their ends from this offset on, as the control takes them: LF ends a block."""
-    while start < len(data):
-        stop = data.find(b"\n", start) + 1 or len(data)
-        yield data[start:stop]
-        start = stop
 
 
 def _read(raw: bytes) -> Block | None:

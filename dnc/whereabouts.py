@@ -5,7 +5,6 @@ A restart is computed from blocks alone, so nothing may be taken for known that 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 
 from planner.gcode import GROUP_OF, Block, Call, ModalGroup, Word, code_of
@@ -17,11 +16,6 @@ _IN_MACHINE = frozenset({ModalGroup.SUPPRESSION, ModalGroup.ONE_SHOT})
 """Codes in whose blocks X, Y and Z are no places in the program's own coordinates; those of frames move nothing."""
 _OF_PLACES = frozenset({"$AA_IW", "$P_EP"})
 _OF_THE_CONTROL = frozenset({"$AA_IM", "$P_TOOLR"})
-_COUNTING = re.compile(
-    rb"^[ \t]*(?:[N:][ \t]*\d+[ \t]*)?R(\d+)[ \t]*=[ \t]*R(\d+)[ \t]*[-+][ \t]*[\d.]+[ \t\r]*(?:;.*)?$",
-    re.MULTILINE | re.IGNORECASE,
-)
-_PARAMETER = re.compile(rb"(?<![A-Z_])R[ \t]*(\[|\d+)", re.IGNORECASE)
 
 
 class Whereabouts:
@@ -93,17 +87,6 @@ class Whereabouts:
         read |= variables.system_read & (frozenset() if self._are_offsets_known else _OF_THE_CONTROL)
         variables.system_read.clear()
         self._read = self._read or min(read, default="")
-
-
-def counters_of(data: bytes) -> frozenset[int]:
-    r"""R parameters that a program only counts up or down, such as the number of parts: nothing else depends on them.
-
-    >>> sorted(counters_of(b"R5=R5+1\nN7 R99=R99+1 ; parts\nX=R5\n"))
-    [99]
-    """
-    counted = {int(one) for one, other in _COUNTING.findall(data) if int(one) == int(other)}
-    used = set(_PARAMETER.findall(_COUNTING.sub(b"", data))) if counted else set()
-    return frozenset() if b"[" in used else frozenset(counted - {int(number) for number in used})
 
 
 def dimensions(block: Block) -> set[int]:

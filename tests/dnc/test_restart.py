@@ -153,29 +153,6 @@ def test_axes_stay_where_they_stand_until_the_first_rapid_moves_them() -> None:
             restart_at_line((head + behind.replace("N1 G0 X7 Y8\n", other)).encode(), line, HEIGHTS)
 
 
-def test_a_parameter_that_the_first_run_has_changed_is_no_place_to_restart() -> None:
-    """(6.8) R1 was the control's own at the place; the stopped run has counted it up since."""
-    data = (HEAD + "G1 Z1 F100\nX10\nX=R1\nR1=R1+1\nG0 Z50\nM30\n").encode()
-    line = HEAD.count("\n") + 2
-    with pytest.raises(InputRejected, match="R1 is read behind it before the program sets it"):
-        restart_at_line(data, line, HEIGHTS)
-    assert restart_at_line(data.replace(b"R1=R1+1\n", b""), line, HEIGHTS)
-    assert restart_at_line(b"R1=3\n" + data, line + 1, HEIGHTS)
-
-
-@pytest.mark.parametrize("counting", ["N95 R99=R99+1 ; parts\r\n", "r099 = R99 - 1\n"])
-def test_a_parameter_that_only_counts_parts_hinders_no_restart(counting: str) -> None:
-    """(6.8) Nothing depends on it, and the preamble leaves it as the control has it; used elsewhere it is an input."""
-    cuts = "G1 Z1 F100\nX10\n"
-    line = HEAD.count("\n") + 2
-    assert restart_at_line(f"{HEAD}{cuts}{counting}M30\n".encode(), line, HEIGHTS)
-    behind = restart_at_line(f"{counting}{HEAD}{cuts}M30\n".encode(), line + 1, HEIGHTS)
-    assert not [block for block in behind.preamble if "R99" in block]
-    for used in ("X=R99", "X=R[99]", "R1=R99"):
-        with pytest.raises(InputRejected, match="R99 is read"):
-            restart_at_line(f"{HEAD}{cuts}{used}\n{counting}M30\n".encode(), line, HEIGHTS)
-
-
 def test_a_program_that_names_its_places_by_parameters_is_restarted() -> None:
     """(6.8) X=R1 says where X stands as X7 does."""
     rest = "G1 Z1 F100\nX20\nG0 Z50\nM30\n"

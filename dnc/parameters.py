@@ -1,0 +1,98 @@
+"""R parameters at a restart: which only count, and which the run before may have left otherwise than they were."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from sim.interpreter.library import Library
+from sim.interpreter.run import Interpreter
+from sim.interpreter.settings import Settings
+
+_ASIDE = re.compile(rb'"[^"\n]*"|;.*')
+"""Texts and comments."""
+_COUNTING = re.compile(
+    rb"(?<![A-Z_$])R(\d+)[ \t]*=[ \t]*R(\d+)[ \t]*[-+][ \t]*(?:\d+\.?\d*|\.\d+)"
+    rb"(?=[ \t\r]*(?:$|;)|[ \t]*(?!DIV|MOD|AND|OR|XOR|B_|EX)[A-Z])",
+    re.MULTILINE | re.IGNORECASE,
+)
+"""One step of a counter, with nothing behind the number that goes on with the sum: a word of its own, or the end."""
+_NUMBERED = re.compile(r"L0*(\d+)$")
+_LOOP = re.compile(rb"(?<![A-Z_])FOR(?![A-Z_]).*", re.IGNORECASE)
+_PARAMETER = re.compile(rb"(?<![A-Z_])R[ \t]*(\[|\d+)", re.IGNORECASE)
+
+
+def counters_of(data: bytes, settings: Settings | None = None) -> frozenset[int]:
+    r"""R parameters that a program only counts up or down, in blocks of their own or beside other words.
+
+    What else uses one is looked for in it and in the subprograms that it names.
+
+    >>> sorted(counters_of(b"R5=R5+1\nN7 R99=R99+1 M5 ; R99 parts\nX=R5\nR3=R3+1*2"))
+    [99]
+    """
+    if _COUNTING.search(data) is None:
+        return frozenset()
+    counted, used = _counted_and_used(data)
+    try:
+        for text in _named(data, Library(None if settings is None else settings.subprogram_folder)):
+            used |= _counted_and_used(text)[1]
+    except OSError:
+        return frozenset()  # what cannot be read may use any of them
+    return frozenset() if b"[" in used else frozenset(counted - {int(number) for number in used})
+
+
+def changed_by_the_first_run(data: bytes, offset_bytes: int, settings: Settings | None) -> str | None:
+    """An R parameter that was the control's own up to this place, is read behind it and set behind that, or None."""
+    if _PARAMETER.search(data, offset_bytes) is None:
+        return None
+    interpreter = Interpreter(settings)
+    for line, raw in enumerate(lines_of(data), 1):
+        interpreter.block(raw.rstrip(b"\r\n"), line)
+    variables = interpreter.variables
+    lost = {int(name[1:]) for name in variables.unset_read} & variables.r.keys() - counters_of(data, settings)
+    return f"R{min(lost)}" if lost else None
+
+
+def lines_of(data: bytes, start: int = 0) -> Iterator[bytes]:
+    """Lines with their ends from this offset on, as the control takes them: LF ends a block."""
+    while start < len(data):
+        stop = data.find(b"\n", start) + 1 or len(data)
+        yield data[start:stop]
+        start = stop
+
+
+def _counted_and_used(data: bytes) -> tuple[set[int], set[bytes]]:
+    """The parameters that a text counts, and those that it writes or reads otherwise (`[`: by a number computed)."""
+    counted: set[int] = set()
+
+    def without(step: re.Match[bytes]) -> bytes:
+        if int(step[1]) != int(step[2]):
+            return step[0]
+        counted.add(int(step[1]))
+        return b" "
+
+    text = _ASIDE.sub(b"", data)
+    loops = set(_PARAMETER.findall(b"\n".join(_LOOP.findall(text))))
+    return counted, loops | set(_PARAMETER.findall(_COUNTING.sub(without, text)))
+
+
+def _named(data: bytes, library: Library) -> Iterator[bytes]:
+    """The programs of the folder whose names stand in this one, or in one of those."""
+    left, waiting = set(library.names), [data]
+    while waiting:
+        text = waiting.pop()
+        for name in [one for one in left if _is_named(one, text)]:
+            left.remove(name)
+            found = library.program(name)
+            if found is not None:
+                waiting.append(found)
+                yield found
+
+
+def _is_named(name: str, text: bytes) -> bool:
+    """Whether a program's name stands in a text; its last digits may end a word or be followed by another."""
+    number = _NUMBERED.match(name)
+    spelled = rb"L0*%s" % number[1].encode() if number else re.escape(name.encode("latin-1", "replace"))
+    before = rb"(?<![A-Z])" if name[:1].isalpha() else rb"(?<![A-Z\d.])"
+    behind = rb"(?!\d)" if name[-1:].isdigit() else rb"(?![A-Z\d])"
+    return re.search(before + spelled + behind, text, re.IGNORECASE) is not None

@@ -1,0 +1,55 @@
+"""Restarts of programs that read and set R parameters: what is the control's own, what only counts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dnc.errors import InputRejected
+from dnc.restart import restart_at_line
+from sim.interpreter.settings import Settings
+from tests.dnc.restarts import HEAD, HEIGHTS
+
+
+def test_a_parameter_that_the_first_run_has_changed_is_no_place_to_restart() -> None:
+    """(6.8) R1 was the control's own at the place; the stopped run has counted it up since."""
+    data = (HEAD + "G1 Z1 F100\nX10\nX=R1\nR1=R1+1\nG0 Z50\nM30\n").encode()
+    line = HEAD.count("\n") + 2
+    with pytest.raises(InputRejected, match="R1 is read behind it before the program sets it"):
+        restart_at_line(data, line, HEIGHTS)
+    assert restart_at_line(data.replace(b"R1=R1+1\n", b""), line, HEIGHTS)
+    assert restart_at_line(b"R1=3\n" + data, line + 1, HEIGHTS)
+
+
+@pytest.mark.parametrize(
+    "counting",
+    [
+        *("N95 R99=R99+1 ; parts\r\n", "r099 = R99 - 1\n", "N10 R99=R99+1 M5\n", "N10R99=R99+1.M9M5 ;R99 counts\n"),
+        *("G0 Z60 R99=R99-2\n", 'R99=R99+1 MSG("R99 OF 5")\n'),
+    ],
+)
+def test_a_parameter_that_only_counts_parts_hinders_no_restart(counting: str) -> None:
+    """(6.8) Nothing depends on it, and the preamble leaves it as the control has it; used elsewhere it is an input."""
+    cuts = "G1 Z1 F100\nX10\n"
+    line = HEAD.count("\n") + 2
+    assert restart_at_line(f"{HEAD}{cuts}{counting}M30\n".encode(), line, HEIGHTS)
+    behind = restart_at_line(f"{counting}{HEAD}{cuts}M30\n".encode(), line + 1, HEIGHTS)
+    assert not [block for block in behind.preamble if "R99" in block]
+    for used in ("X=R99", "X=R[99]", "R1=R99", "R99=R99+1*2", "R99=R99+1 DIV 2", "R99=R99+1+R4"):
+        with pytest.raises(InputRejected, match="R99 is read"):
+            restart_at_line(f"{HEAD}{cuts}{used}\n{counting}M30\n".encode(), line, HEIGHTS)
+
+
+def test_a_counter_that_a_subprogram_reads_is_an_input(tmp_path: Path) -> None:
+    """(6.8) R99 was left to the control, where the program itself does nothing but count it."""
+    data = f"{HEAD}G1 Z1 F100\nX10\nL10P2\nR99=R99+1 M5\nM30\n".encode()
+    settings = Settings(subprogram_folder=tmp_path, is_drip_fed=True)
+    (tmp_path / "OTHER.SPF").write_bytes(b"X=R99\nM17\n")
+    (tmp_path / "L10.SPF").write_bytes(b"L20\nM17\n")
+    (tmp_path / "L20.SPF").write_bytes(b"G91 X3\nG90\nM17\n")
+    line = HEAD.count("\n") + 2
+    assert restart_at_line(data, line, HEIGHTS, settings)
+    (tmp_path / "L20.SPF").write_bytes(b"X=R99\nM17\n")
+    with pytest.raises(InputRejected, match="R99 is read"):
+        restart_at_line(data, line, HEIGHTS, settings)
