@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
+from dnc.branches import Branches
 from sim.interpreter.library import Library
 from sim.interpreter.run import Interpreter
 from sim.interpreter.settings import Settings
@@ -20,6 +21,9 @@ _COUNTING = re.compile(
 _NUMBERED = re.compile(r"L0*(\d+)$")
 _LOOP = re.compile(rb"(?<![A-Z_])FOR(?![A-Z_]).*", re.IGNORECASE)
 _PARAMETER = re.compile(rb"(?<![A-Z_])R[ \t]*(\[|\d+)", re.IGNORECASE)
+
+_ASSIGNED = re.compile(rb"(?<![A-Z_$])R(\d+)[ \t]*=(?!=)", re.IGNORECASE)
+_READ = re.compile(rb"(?<![A-Z_$])R[ \t]*(\[|\d+)(?![\d]|[ \t]*=(?!=))", re.IGNORECASE)
 
 
 def counters_of(data: bytes, settings: Settings | None = None) -> frozenset[int]:
@@ -41,16 +45,46 @@ def counters_of(data: bytes, settings: Settings | None = None) -> frozenset[int]
     return frozenset() if b"[" in used else frozenset(counted - {int(number) for number in used})
 
 
-def changed_by_the_first_run(data: bytes, offset_bytes: int, settings: Settings | None) -> str | None:
-    """An R parameter that was the control's own up to this place, is read behind it and set behind that, or None."""
+def changed_by_the_first_run(
+    data: bytes, offset_bytes: int, restored: Collection[int], settings: Settings | None
+) -> str | None:
+    """An R parameter that was the control's own up to this place, is read behind it and set behind that, or None.
+
+    A run tells which; where it branches, the control's own values may lead another way: there what stands in the text.
+    """
     if _PARAMETER.search(data, offset_bytes) is None:
         return None
     interpreter = Interpreter(settings)
     for line, raw in enumerate(lines_of(data), 1):
         interpreter.block(raw.rstrip(b"\r\n"), line)
     variables = interpreter.variables
-    lost = {int(name[1:]) for name in variables.unset_read} & variables.r.keys() - counters_of(data, settings)
+    lost = {int(name[1:]) for name in variables.unset_read} & variables.r.keys()
+    lost = (lost | _perhaps_changed(data[offset_bytes:]).difference(restored)) - counters_of(data, settings)
     return f"R{min(lost)}" if lost else None
+
+
+def _perhaps_changed(data: bytes) -> set[int]:
+    """What a text that branches may read before it sets it; nothing where all of its blocks run as they stand."""
+    branches = Branches(b"\n", 0)
+    branches.feed(data)
+    branches.close()
+    if branches.first_at is None:
+        return set()
+    surely_set: set[int] = set()
+    read: set[int] = set()
+    changed: set[int] = set()
+    at, is_computed = 0, False
+    for raw in lines_of(data):
+        text = _ASIDE.sub(b"", raw)
+        if b"R" in text.upper():
+            assigned = {int(number) for number in _ASSIGNED.findall(text)}
+            read |= {int(number) for number in _READ.findall(text) if number != b"["} - surely_set
+            changed |= assigned
+            is_computed = is_computed or b"[" in _READ.findall(text)
+            if at < branches.first_at:
+                surely_set |= assigned - read
+        at += len(raw)
+    return read | changed if is_computed else read & changed
 
 
 def lines_of(data: bytes, start: int = 0) -> Iterator[bytes]:

@@ -175,7 +175,7 @@ def _restart(data: bytes, place: _Place, heights: Heights, settings: Settings) -
 def _restart_after_stop(data: bytes, place: _Place, heights: Heights, settings: Settings) -> RestartPoint:
     """As `_restart`, where the program has run on from this place before and may have left other R parameters."""
     point = _restart(data, place, heights, settings)
-    lost = changed_by_the_first_run(data, place.offset_bytes, settings)
+    lost = changed_by_the_first_run(data, place.offset_bytes, place.parameters, settings)
     if lost is not None:
         what = f"line {place.line}: {lost} is read behind it before the program sets it, and may be changed by now"
         raise InputRejected(what, remedy=f"set {lost} by hand to what it was, and run the program from its start")

@@ -53,3 +53,27 @@ def test_a_counter_that_a_subprogram_reads_is_an_input(tmp_path: Path) -> None:
     (tmp_path / "L20.SPF").write_bytes(b"X=R99\nM17\n")
     with pytest.raises(InputRejected, match="R99 is read"):
         restart_at_line(data, line, HEIGHTS, settings)
+
+
+@pytest.mark.parametrize(
+    ("behind", "is_safe"),
+    [
+        ("X=R2\nIF R1>3\nR2=R2+9\nENDIF\n", False),
+        ("X=R2\nIF R1<3 GOTOF ON\nN7 R2=9\nON: Y3\n", False),
+        ("IF R1>3\nR2=9\nENDIF\nX=R2\n", False),
+        ("X=R2\nIF R1>3\nR[R1]=9\nENDIF\n", False),
+        ("R2=5\nX=R2\nIF R1>3\nR2=R2+9\nENDIF\n", True),
+        ("X=R2\nIF R1>3\nR3=9\nENDIF\n", True),
+        ("R2=5\nX=R2\n", True),
+    ],
+)
+def test_what_a_branch_behind_may_have_changed_is_no_input(behind: str, *, is_safe: bool) -> None:
+    """(6.8) The control's own R1 chose a branch that set R2; the restart read R2 as that had left it."""
+    data = f"{HEAD}G1 Z1 F100\nX10\n{behind}G0 Z50\nM30\n".encode()
+    line = HEAD.count("\n") + 2
+    if is_safe:
+        assert restart_at_line(data, line, HEIGHTS)
+        return
+    with pytest.raises(InputRejected, match=r"R[12] is read"):
+        restart_at_line(data, line, HEIGHTS)
+    assert restart_at_line(b"R1=4 R2=3\n" + data, line + 1, HEIGHTS)
