@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator
+from functools import cached_property
 
 from dnc.branches import Branches
 from sim.interpreter.library import Library
@@ -45,22 +46,35 @@ def counters_of(data: bytes, settings: Settings | None = None) -> frozenset[int]
     return frozenset() if b"[" in used else frozenset(counted - {int(number) for number in used})
 
 
-def changed_by_the_first_run(
-    data: bytes, offset_bytes: int, restored: Collection[int], settings: Settings | None
-) -> str | None:
-    """An R parameter that was the control's own up to this place, is read behind it and set behind that, or None.
+class FirstRun:
+    """A program that has run before, from its start; by which R parameters it may have left otherwise than they were.
 
     A run tells which; where it branches, the control's own values may lead another way: there what stands in the text.
     """
-    if _PARAMETER.search(data, offset_bytes) is None:
-        return None
-    interpreter = Interpreter(settings)
-    for line, raw in enumerate(lines_of(data), 1):
-        interpreter.block(raw.rstrip(b"\r\n"), line)
-    variables = interpreter.variables
-    lost = {int(name[1:]) for name in variables.unset_read} & variables.r.keys()
-    lost = (lost | _perhaps_changed(data[offset_bytes:]).difference(restored)) - counters_of(data, settings)
-    return f"R{min(lost)}" if lost else None
+
+    def __init__(self, data: bytes, settings: Settings | None) -> None:
+        self._data, self._settings = data, settings
+
+    def changed(self, offset_bytes: int, restored: Collection[int]) -> str | None:
+        """An R parameter that was the control's own up to here, is read behind and set behind that, or None."""
+        if _PARAMETER.search(self._data, offset_bytes) is None:
+            return None
+        perhaps = _perhaps_changed(self._data[offset_bytes:]).difference(restored)
+        lost = (self._read_and_set | perhaps) - self._counters
+        return f"R{min(lost)}" if lost else None
+
+    @cached_property
+    def _counters(self) -> frozenset[int]:
+        return counters_of(self._data, self._settings)
+
+    @cached_property
+    def _read_and_set(self) -> set[int]:
+        """What the run reads before it sets it."""
+        interpreter = Interpreter(self._settings)
+        for line, raw in enumerate(lines_of(self._data), 1):
+            interpreter.block(raw.rstrip(b"\r\n"), line)
+        variables = interpreter.variables
+        return {int(name[1:]) for name in variables.unset_read} & variables.r.keys()
 
 
 def _perhaps_changed(data: bytes) -> set[int]:

@@ -7,11 +7,12 @@ naming the nearest block before it that can be restored.
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from dnc.errors import InputRejected
-from dnc.parameters import changed_by_the_first_run, counters_of, lines_of
+from dnc.parameters import FirstRun, counters_of, lines_of
 from dnc.preamble import SPLINES, Heights, Spelling, lift_of, preamble_blocks, unit_code
 from dnc.whereabouts import Whereabouts, dimensions, names
 from planner.gcode import GROUP_OF, Block, ModalGroup, SyntaxProblem, code_of, read_block, value_text
@@ -23,6 +24,7 @@ from sim.interpreter.settings import Settings
 from sim.interpreter.state import INCH_MM, State
 
 _OPTIONAL = re.compile(rb"^[ \t\r]*(?:[N:][ \t]*\d+[ \t]*)?/", re.MULTILINE | re.IGNORECASE)
+_PLACES_TRIED = 50
 _GEOMETRY = frozenset({"X", "Y", "Z", "PO"})
 _STAYING = frozenset({"G", "M", "S", "T", "D", "F", "H", "MSG"})
 """Addresses of blocks that surely move nothing where no code of _ELSEWHERE stands beside them."""
@@ -74,13 +76,18 @@ class _Place:
 
 def restart_at_number(data: bytes, number: int, heights: Heights, settings: Settings | None = None) -> RestartPoint:
     """The restart before block N`number`; raises InputRejected if it is missing, stands twice or cannot be restored."""
-    found = [place for place in _places(data, settings) if place.number == number]
+    return restart_at_line(data, line_of_number(data, number, settings), heights, settings)
+
+
+def line_of_number(data: bytes, number: int, settings: Settings | None = None) -> int:
+    """The line of block N`number`; raises InputRejected if it is missing, not reached or stands twice."""
+    found = [place.line for place in _places(data, settings) if place.number == number]
     if not found:
         raise _unreachable(f"block N{number}", data, settings)
     if len(found) > 1:
         what = f"N{number} stands {len(found)} times"
         raise InputRejected(what, remedy="name a line instead, or the number of a pass start")
-    return _restart_after_stop(data, found[0], heights, settings or Settings())
+    return found[0]
 
 
 def restart_at_line(data: bytes, line: int, heights: Heights, settings: Settings | None = None) -> RestartPoint:
@@ -130,14 +137,15 @@ def _programmed(state: State, settings: Settings) -> canon.Vector:
 
 
 def _last_safe_line(data: bytes, line: int, heights: Heights, settings: Settings) -> int | None:
-    """The last line up to `line` at which a restart can be computed, or None."""
-    safe: int | None = None
+    """The last line up to `line` at which a restart can be computed and begin; None if the nearest few are none."""
+    near: deque[_Place] = deque(maxlen=_PLACES_TRIED)
     for place in _places(data, settings):
         if place.line > line:
             break
         if _obstacle_at(data, place, heights, settings) is None:
-            safe = place.line
-    return safe
+            near.append(place)
+    run = FirstRun(data, settings)
+    return next((one.line for one in reversed(near) if run.changed(one.offset_bytes, one.parameters) is None), None)
 
 
 def first_optional_line(data: bytes, before_bytes: int) -> int | None:
@@ -163,7 +171,7 @@ def _restart(data: bytes, place: _Place, heights: Heights, settings: Settings) -
     state, obstacle = place.state, _obstacle_at(data, place, heights, settings)
     if obstacle is not None:
         safe = _last_safe_line(data, place.line, heights, settings)
-        remedy = f"restart at line {safe}" if safe is not None else "run the program from its start"
+        remedy = f"restart at line {safe}" if safe is not None else _from_its_start(FirstRun(data, settings))
         raise InputRejected(f"line {place.line}: {obstacle}", remedy=remedy)
     parameters = [f"R{number}={value_text(value)}" for number, value in sorted(place.parameters.items())]
     preamble = (*parameters, *preamble_blocks(state, heights, settings, place.untold))
@@ -175,11 +183,18 @@ def _restart(data: bytes, place: _Place, heights: Heights, settings: Settings) -
 def _restart_after_stop(data: bytes, place: _Place, heights: Heights, settings: Settings) -> RestartPoint:
     """As `_restart`, where the program has run on from this place before and may have left other R parameters."""
     point = _restart(data, place, heights, settings)
-    lost = changed_by_the_first_run(data, place.offset_bytes, place.parameters, settings)
+    run = FirstRun(data, settings)
+    lost = run.changed(place.offset_bytes, place.parameters)
     if lost is not None:
         what = f"line {place.line}: {lost} is read behind it before the program sets it, and may be changed by now"
-        raise InputRejected(what, remedy=f"set {lost} by hand to what it was, and run the program from its start")
+        raise InputRejected(what, remedy=_from_its_start(run))
     return point
+
+
+def _from_its_start(run: FirstRun) -> str:
+    """What to do where no restart can begin."""
+    lost, again = run.changed(0, ()), "run the program from its start"
+    return again if lost is None else f"set {lost} by hand to what it was, and {again}"
 
 
 def _obstacle_at(data: bytes, place: _Place, heights: Heights, settings: Settings) -> str | None:

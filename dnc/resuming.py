@@ -23,12 +23,13 @@ from dnc.preamble import Heights
 from dnc.profile import MachineProfile
 from dnc.progress import printable
 from dnc.record import UNLESS_LOST
-from dnc.restart import RestartPoint, first_optional_line, restart_at_line, restart_at_number
+from dnc.restart import RestartPoint, first_optional_line, line_of_number, restart_at_line
 from dnc.sidecar import Point, Sidecar, State, load_sidecar
 from dnc.stopped import identity_of_job, lines_in_doubt, name_of, stopped_job
 from dnc.tape import Tape
 from planner.files import read_program
 from planner.job import Job
+from sim.interpreter.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,20 +101,25 @@ def plan_restart(
         stopped = stopped_job(tape, machine[0], port, is_forced=is_forced)
         doubt = lines_in_doubt(stopped, tape, profile)
         line = _last_point_before(points, doubt[0], program)
-        point = restart_at_line(data, line, heights, settings)
-    elif start_at.upper().startswith("N") and start_at[1:].isdecimal():
-        point = restart_at_number(data, int(start_at[1:]), heights, settings)
-    elif start_at.isdecimal():
-        point = restart_at_line(data, int(start_at), heights, settings)
     else:
-        raise click.UsageError(f"--start-at {start_at}: name a block such as N120, or a line such as 57")
-    if not is_forced and point.line not in {known.line for known in points}:
-        near = _nearest(points, point.line)
+        line = _line_named(start_at, data, settings)
+    if not is_forced and line not in {known.line for known in points}:
+        near = _nearest(points, line)
         raise InputRejected(
-            f"line {point.line} is no restart point of the planner", path=program, remedy=f"{near}, or --force"
+            f"line {line} is no restart point of the planner", path=program, remedy=f"{near}, or --force"
         )
+    point = restart_at_line(data, line, heights, settings)
     planned = _planned(data, point, tape, doubt, is_lifted=heights.retract_z_mm is not None)
     return replace(planned, stopped=stopped, optional_line=first_optional_line(data, point.offset_bytes))
+
+
+def _line_named(start_at: str, data: bytes, settings: Settings) -> int:
+    """The line that --start-at means."""
+    if start_at.isdecimal():
+        return int(start_at)
+    if start_at.upper().startswith("N") and start_at[1:].isdecimal():
+        return line_of_number(data, int(start_at[1:]), settings)
+    raise click.UsageError(f"--start-at {start_at}: name a block such as N120, or a line such as 57")
 
 
 def confirm(plan: Plan, *, is_yes: bool) -> None:

@@ -77,3 +77,20 @@ def test_what_a_branch_behind_may_have_changed_is_no_input(behind: str, *, is_sa
     with pytest.raises(InputRejected, match=r"R[12] is read"):
         restart_at_line(data, line, HEIGHTS)
     assert restart_at_line(b"R1=4 R2=3\n" + data, line + 1, HEIGHTS)
+
+
+@pytest.mark.parametrize(
+    ("head", "named"),
+    [("", None), ("R1=3\n", HEAD.count("\n") + 4), ("IF R2\nENDIF\n", None)],
+)
+def test_the_line_that_a_refusal_names_is_not_refused_for_a_parameter(head: str, named: int | None) -> None:
+    """(6.8) "restart at line 12" was refused itself, for R1 was read behind it and changed."""
+    text = f"{head}{HEAD}G1 Z1 F100\nX10\nROT RPL=30\nX=R1\nR1=R1+1\nROT\nG0 Z50\nM30\n"
+    line = text[: text.index("X=R1")].count("\n") + 1
+    with pytest.raises(InputRejected, match="turns, scales") as caught:
+        restart_at_line(text.encode(), line, HEIGHTS)
+    assert str(caught.value).endswith(
+        "; set R1 by hand to what it was, and run the program from its start" if named is None else f"at line {named}"
+    )
+    if named is not None:
+        assert restart_at_line(text.encode(), named, HEIGHTS).line == named
