@@ -93,12 +93,17 @@ def _records(state: Path) -> list[dict[str, Any]]:
     return records
 
 
+def about_of(state: Path, job: str) -> dict[str, Any]:
+    """What a job said of itself before its first byte; empty where that is lost, or an older dnc said nothing."""
+    with contextlib.suppress(OSError, ValueError):
+        found = json.loads((state / "jobs" / job / "job.json").read_text())
+        return found if isinstance(found, dict) else {}
+    return {}
+
+
 def _unrecorded(journal: Path) -> PastJob:
     job = journal.parent.name
-    about: dict[str, Any] = {}
-    with contextlib.suppress(OSError, ValueError):
-        found = json.loads((journal.parent / "job.json").read_text())
-        about = found if isinstance(found, dict) else {}
+    about = about_of(journal.parents[2], job)
     try:
         lines = read_journal(journal)
     except JournalMismatch as problem:

@@ -13,8 +13,9 @@ import msgspec
 
 from dnc.device_names import device_of, identity_of
 from dnc.errors import JournalMismatch
-from dnc.joblist import PastJob, past_jobs
+from dnc.joblist import PastJob, about_of, past_jobs
 from dnc.line_pace import pace_of
+from dnc.pacing import Pace
 from dnc.places import state_folder
 from dnc.profile import Control, MachineProfile, framing_of
 from dnc.record import in_doubt
@@ -77,20 +78,37 @@ def _lines_on_record(last: PastJob, tape: Tape, profile: MachineProfile) -> tupl
             what = f"the stopped job {last.job} was killed under an older dnc, which did not record all of its profile"
             remedy = "the profile may have changed since; use --start-at and the block that the control shows"
             raise JournalMismatch(f"{what}; {remedy}")
-        if last.values["framing"] != framing_of(profile.tape):
-            what = (
-                f"the stopped job {last.job} was sent with other block ends, leader or trailer than the profile has now"
-            )
-            remedy = "its bytes lie in other lines; put the profile's [tape] back, or use --start-at"
-            raise JournalMismatch(f"{what}; {remedy}")
+        _refuse_other_framing(last, last.values, tape, profile)
         control, inflight_bytes = _held_at_most(last.values, profile)
         return doubt_of_interrupted(last.values, tape, control, inflight_bytes=inflight_bytes)
-    first, end = last.values.get("in_doubt") or (1, 1)
-    restart = last.values.get("restart")
+    told, reckoned = _lines_told(last.values), _lines_reckoned(last, tape, profile)
+    return (min(told[0], reckoned[0]), max(told[1], reckoned[1])) if reckoned else told
+
+
+def _lines_told(values: dict[str, Any]) -> tuple[int, int]:
+    """What the job itself said when it ended, in lines of the program's file."""
+    first, end = values.get("in_doubt") or (1, 1)
+    restart = values.get("restart")
     if not isinstance(restart, dict):
         return int(first), int(end)
     shift = int(restart["line"]) - 1 - int(restart["lines_before"])
     return max(int(restart["line"]), int(first) + shift), max(int(restart["line"]), int(end) + shift)
+
+
+def _lines_reckoned(last: PastJob, tape: Tape, profile: MachineProfile) -> tuple[int, int] | None:
+    """The same by today's rules, and by the profile of now where that holds more: an older dnc doubted fewer lines.
+
+    None where the record does not say how much was sent, and nothing can have waited unseen on the way.
+    """
+    values = {**about_of(state_folder(), last.job), **last.values}
+    if "bytes_sent" in values and "bytes_total" in values:
+        _refuse_other_framing(last, values, tape, profile)
+        control, inflight_bytes = _held_at_most(values, profile)
+        return doubt_of_interrupted(values, tape, control, inflight_bytes=inflight_bytes)
+    if _pace_at_most(values, profile).unseen_bytes:
+        what = f"the record of the stopped job {last.job} does not say how much an adapter or a network held back"
+        raise JournalMismatch(f"{what}; use --start-at and the block that the control shows")
+    return None
 
 
 def doubt_of_interrupted(
@@ -129,15 +147,33 @@ def _refuse_nameless(known: Sequence[PastJob], last: PastJob) -> None:
             raise JournalMismatch(f"{what}; {remedy}")
 
 
+def _refuse_other_framing(last: PastJob, values: dict[str, Any], tape: Tape, profile: MachineProfile) -> None:
+    """Raise JournalMismatch where the job's bytes lie in other lines than those of today's tape."""
+    is_same = values.get("framing", framing_of(profile.tape)) == framing_of(profile.tape)
+    is_whole = not isinstance(values.get("restart"), dict)
+    if not is_same or (is_whole and values.get("sha256", tape.sha256) != tape.sha256):
+        what = f"the stopped job {last.job} was sent with other block ends, leader or trailer than the profile has now"
+        remedy = "its bytes lie in other lines; put the profile's [tape] back, or use --start-at"
+        raise JournalMismatch(f"{what}; {remedy}")
+
+
 def _held_at_most(values: dict[str, Any], profile: MachineProfile) -> tuple[Control, int]:
-    """The control, and bytes in flight, by the profile of the killed job or that of now, whichever holds more."""
+    """The control, and bytes in flight, by the profile of the stopped job or that of now, whichever holds more."""
     now = profile.control
     control = msgspec.structs.replace(
         now,
-        receive_buffer_bytes=max(now.receive_buffer_bytes, int(values["receive_buffer_bytes"])),
-        lookahead_blocks=max(now.lookahead_blocks, int(values["lookahead_blocks"])),
+        receive_buffer_bytes=max(now.receive_buffer_bytes, int(values.get("receive_buffer_bytes", 0))),
+        lookahead_blocks=max(now.lookahead_blocks, int(values.get("lookahead_blocks", 0))),
     )
-    return control, max(pace_of(profile).beyond_recall_bytes, int(values["beyond_recall_bytes"]))
+    told_bytes = max(int(values.get(key, 0)) for key in ("beyond_recall_bytes", "inflight_max_bytes"))
+    return control, max(_pace_at_most(values, profile).beyond_recall_bytes, told_bytes)
+
+
+def _pace_at_most(values: dict[str, Any], profile: MachineProfile) -> Pace:
+    """The line's measure by the profile of now, on the way that the stopped job took."""
+    if values.get("handshake") == "driver":
+        profile = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, handshake="driver"))
+    return pace_of(profile, is_networked="://" in str(values.get("port", "")))
 
 
 def _has_sent(past: PastJob) -> bool:
