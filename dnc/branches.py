@@ -1,4 +1,8 @@
-"""Where a program first jumps, branches or loops: behind it nobody can tell from the bytes alone which blocks run."""
+"""What of a tape must be known to say from its bytes where execution may stand: which blocks run, what moves.
+
+Behind the first jump, branch or loop nobody can tell which blocks run. Under G91 a word of 0 moves nothing; under G41
+and G42 a move waits for the next in the plane.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,10 @@ ASIDE = re.compile(rb'"[^"]*"?|\([^()]*\)|[;(].*')
 """Texts and comments within a line."""
 _WORDS = (b"IF", b"GOTO", b"CASE", b"FOR", b"WHILE", b"LOOP", b"REPEAT", b"UNTIL")
 _BRANCH = re.compile(rb"(?<![A-Z_$])(?:IF|GOTO[BCFS]?|CASE|FOR|WHILE|LOOP|REPEATB?|UNTIL)(?![A-Z_])", re.IGNORECASE)
+_COMPENSATED = (b"G41", b"G42", b"G041", b"G042", b" RL", b" RR")
+_INCREMENTAL = (b"G91", b"G091")
+_OTHER_PLANE = (b"G18", b"G19", b"G018", b"G019")
+_LONGEST_CODE_BYTES = 4
 _LONGEST_LINE_BYTES = 1 << 16
 
 
@@ -46,3 +54,26 @@ class Branches:
                 self.first_at = at
                 return
             at += len(line) + len(self._mark)
+
+
+class Codes:
+    """Fed with the tape in order: whether it compensates tool radii, moves by increments, leaves the plane of X and Y.
+
+    What looks alike or stands in a comment counts too: it makes the window of doubt wider.
+    """
+
+    def __init__(self) -> None:
+        self._torn = b""
+        self.is_compensated = self.is_incremental = self.has_other_plane = False
+
+    def feed(self, chunk: bytes) -> None:
+        """The next bytes."""
+        text = (self._torn + chunk).upper()
+        self.is_compensated = self.is_compensated or _holds(text, _COMPENSATED)
+        self.is_incremental = self.is_incremental or _holds(text, _INCREMENTAL)
+        self.has_other_plane = self.has_other_plane or _holds(text, _OTHER_PLANE)
+        self._torn = text[1 - _LONGEST_CODE_BYTES :]
+
+
+def _holds(text: bytes, codes: tuple[bytes, ...]) -> bool:
+    return any(code in text for code in codes)

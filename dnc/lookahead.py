@@ -13,13 +13,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from dnc.branches import ASIDE
-from dnc.tape import Tape
+from dnc.tape import Tape, Traits
 
 _CHUNK_BYTES = 4096
 _RUN_BYTES = 1_000_000
 _RUN_LEAD = 2
 """A B-spline of degree 3 has so many spans fewer than blocks; blocks with PL=0 are none either."""
 _BEHIND_RUN = 2
+_CONTOUR_BLOCKS = 10
+"""Under G41 and G42 a move ends where the next ones let it: so many a control may hold back beside its look-ahead."""
 _WAITING_BLOCKS = 1000
 _AXIS = re.compile(rb"(?<![A-Z_$\[])[ABCIJKUVWXYZ]\s*[-+.=\d]|PO\[", re.IGNORECASE)
 _AXIS_WORD = re.compile(rb"(?<![A-Z_$\[])([ABCUVWXYZ])\s*(=[^\sA-Z]+|=[A-Z]+\([^()]*\)|[-+]?[.\d]+)", re.IGNORECASE)
@@ -27,10 +29,18 @@ _CERTAIN = re.compile(rb"(?<![A-Z_$\[])[IJK]\d?\s*[-+.=\d]|PO\[", re.IGNORECASE)
 _NO_SPAN = re.compile(rb"(?<![A-Z_])PL\s*=\s*0*\.?0*(?![.\d])", re.IGNORECASE)
 _CODE = re.compile(rb"(?<![A-Z_])(?:(?:[ABC]SPLINE|POLY|CIP|CT|INVCC?W)(?![A-Z\d])|G0*[0-3](?![\d.]))", re.IGNORECASE)
 _STAYS = re.compile(rb"^\s*/|G0*(?:4|10|25|26|5\d|68|69|92)(?!\d)", re.IGNORECASE)
+_ELSEWHERE = re.compile(
+    rb"G0*(?:1[56]|2[018]|30|4[3-9]|5[0-9]|5\d\d|6[89]|7[0145]|7[01]0|92)(?!\d)"
+    rb"|(?<![A-Z_])(?:M0*6|M9[89]|[DHLT]\d|[UVW]\s*[-+.=\d]|AP|RP|[ABCXYZ]\s*=\s*(?:[A-Z$]|$|\s))",
+    re.IGNORECASE,
+)
+"""Codes behind which the same number may be another place, calls, axes that lead others, places by expressions."""
+_DIMENSION = re.compile(rb"G0*9[01](?!\d)", re.IGNORECASE)
 _WORD = re.compile(rb"[A-Z_$]{2,}", re.IGNORECASE)
 _OF_MOVES = frozenset(
     b"AC AP AR ASPLINE BSPLINE CIP CR CSPLINE CT DR FMAX IC LN PL PO POLY PW RL RP RR SD TURN".split()
 )
+_HARMLESS = _OF_MOVES | frozenset(b"ADIS BRISK CFC COMPCAD COMPOF CTOL FGROUP FFWOF FFWON MSG SOFT STOPRE".split())
 
 
 def first_unsure_line(tape: Tape, read_bytes: int, blocks: int) -> int:
@@ -41,8 +51,10 @@ def first_unsure_line(tape: Tape, read_bytes: int, blocks: int) -> int:
     branch no block surely ran, so that only moves before it fill the look-ahead. Lines count from 1. Reads
     backwards piece by piece, so that its time depends on the answer and on one megabyte before it alone.
     """
-    if tape.branch_at is not None:
-        read_bytes = min(read_bytes, tape.branch_at)
+    if tape.traits.branch_at is not None:
+        read_bytes = min(read_bytes, tape.traits.branch_at)
+    if tape.traits.is_compensated:
+        blocks += _CONTOUR_BLOCKS
     line, behind_blocks = tape.lines.line_at(tape, read_bytes), 0
     while True:
         run = _run_before(tape, line, blocks)
@@ -102,8 +114,8 @@ def _noted(run: _Run, line: int, text: bytes) -> bool:
 class _Block:
     """A line, where the piece that was read with it begins, its words without comments and texts.
 
-    `is_move` is None where nothing moves by its words; else whether an axis is known to go elsewhere than it was, which
-    waits for the words of `unknown_axes` in blocks before.
+    `is_move` is None where nothing moves by its words; else whether it is known to move. `sure_axes` are known to go
+    elsewhere than they were, which waits for the words of `unknown_axes` in blocks before.
     """
 
     line: int
@@ -111,6 +123,7 @@ class _Block:
     text: bytes
     is_move: bool | None = None
     values: dict[bytes, float | bytes] = field(default_factory=dict)
+    sure_axes: set[bytes] = field(default_factory=set)
     unknown_axes: int = 0
 
 
@@ -122,13 +135,16 @@ def _blocks_before(tape: Tape, line: int) -> Iterator[_Block]:
         block = _Block(number, at, ASIDE.sub(b"", text))
         if moves(text):
             block.is_move = _CERTAIN.search(block.text) is not None
+        if _leads_elsewhere(block.text, is_incremental=tape.traits.is_incremental):
+            for later in newest.values():
+                later.unknown_axes -= 1
+            newest.clear()
+        elif block.is_move is not None:
             block.values = {axis.upper(): _value(value) for axis, value in _AXIS_WORD.findall(block.text)}
             block.unknown_axes = len(block.values)
-            for axis, value in block.values.items():
-                later = newest.get(axis)
-                if later is not None:
-                    later.is_move = later.is_move or _is_elsewhere(later.values[axis], value)
-                    later.unknown_axes -= 1
+            for axis in block.values:
+                if axis in newest:
+                    _compare(newest[axis], axis, block, tape.traits)
                 newest[axis] = block
         waiting.append(block)
         while waiting and (waiting[0].is_move or not waiting[0].unknown_axes or len(waiting) > _WAITING_BLOCKS):
@@ -136,9 +152,32 @@ def _blocks_before(tape: Tape, line: int) -> Iterator[_Block]:
     yield from waiting
 
 
-def _is_elsewhere(value: float | bytes, before: float | bytes) -> bool:
-    """Whether an axis surely moves to this value; what an expression gives nobody knows."""
-    return isinstance(value, float) and isinstance(before, float) and value != before
+def _compare(later: _Block, axis: bytes, before: _Block, traits: Traits) -> None:
+    """Whether an axis surely goes elsewhere in the later of two blocks; what an expression gives nobody knows.
+
+    Under G91 a word of 0 moves nothing. Where radii are compensated a move out of the plane lets nothing before it end.
+    """
+    later.unknown_axes -= 1
+    value, value_before = later.values[axis], before.values[axis]
+    is_known = isinstance(value, float) and isinstance(value_before, float) and value != value_before
+    if not is_known or (traits.is_incremental and not value):
+        return
+    later.sure_axes.add(axis)
+    if not traits.is_compensated:
+        later.is_move = True
+    elif traits.has_other_plane:
+        later.is_move = later.is_move or len(later.sure_axes) > 1
+    else:
+        later.is_move = later.is_move or axis in (b"X", b"Y")
+
+
+def _leads_elsewhere(text: bytes, *, is_incremental: bool) -> bool:
+    """Whether the same number may be another place behind this block, or within it."""
+    if any(word.upper() not in _HARMLESS for word in _WORD.findall(text)):
+        return True
+    if _ELSEWHERE.search(text) is not None:
+        return True
+    return is_incremental and _DIMENSION.search(text) is not None
 
 
 def _value(text: bytes) -> float | bytes:

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from dnc import profile
 from dnc.block_ends import Ends, normalised
-from dnc.branches import Branches
+from dnc.branches import Branches, Codes
 from dnc.errors import InputRejected, SettingsRejected
 from dnc.framing import CharacterCheck, block_end_bytes, framing_bytes
-from dnc.tape import Frame, LineIndex, Tape
+from dnc.tape import Frame, LineIndex, Tape, Traits
 
 _CHUNK_BYTES = 1 << 16
 _MEMORY_BYTES = 8 << 20
@@ -87,19 +87,21 @@ def _spooled(source: int, spool: int, path: Path, rules: profile.Tape, data_bits
             of_program.update(chunk)
             yield chunk
 
-    branches = Branches(lines.mark, len(leader))
+    branches, codes = Branches(lines.mark, len(leader)), Codes()
     put(leader)
     for chunk in checked() if wanted is None else normalised(checked(), wanted):
         lines.feed(chunk)
         branches.feed(chunk)
+        codes.feed(chunk)
         ends.feed(chunk)
         put(chunk)
     branches.close()
     if trailer and not ends.is_closed and not trailer.startswith(ends.common):
         put(ends.common)  # the trailer is no part of the last block
     put(trailer)
+    traits = Traits(branches.first_at, codes.is_compensated, codes.is_incremental, codes.has_other_plane)
     frame = Frame(len(leader), len(trailer), ends.common)
-    return Tape(spool, of_tape.hexdigest(), of_program.hexdigest(), lines, frame, branches.first_at)
+    return Tape(spool, of_tape.hexdigest(), of_program.hexdigest(), lines, frame, traits)
 
 
 def _write_all(target: int, data: bytes) -> None:

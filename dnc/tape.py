@@ -39,6 +39,19 @@ class Frame:
     block_end: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class Traits:
+    """What the program says of where execution may stand.
+
+    `branch_at` is where the line of the first jump, branch or loop begins, None where the blocks run as they stand.
+    """
+
+    branch_at: int | None = None
+    is_compensated: bool = False
+    is_incremental: bool = False
+    has_other_plane: bool = False
+
+
 class LineIndex:
     """Offsets of every 1024th line start; `mark` is what ends a line: all of a block end that was put, else LF or CR.
 
@@ -100,10 +113,7 @@ class LineIndex:
 
 
 class Tape:
-    """The spooled bytes: read anywhere, hashed, with line look-up; close it when the job is over.
-
-    `branch_at` is where the line of the first jump, branch or loop begins, None where the blocks run as they stand.
-    """
+    """The spooled bytes: read anywhere, hashed, with line look-up; close it when the job is over."""
 
     def __init__(
         self,
@@ -112,7 +122,7 @@ class Tape:
         program_sha256: str,
         lines: LineIndex,
         frame: Frame,
-        branch_at: int | None = None,
+        traits: Traits,
     ) -> None:
         self._spool = spool
         self.sha256, self.program_sha256 = sha256, program_sha256
@@ -120,7 +130,7 @@ class Tape:
         self.leader_bytes = frame.leader_bytes
         self.trailer_from = self.size_bytes - frame.trailer_bytes
         self.block_end = frame.block_end
-        self.lines, self.branch_at = lines, branch_at
+        self.lines, self.traits = lines, traits
         self.end = _tape_end(self, frame)
         self._cache, self._cache_at = b"", 0
 

@@ -12,7 +12,7 @@ from dnc.profile import Control
 from dnc.record import in_doubt
 from tests.helpers.line import tape_of
 
-ASIDE = [b"", b"; X1 Y2", b"(X1)", b"M8", b"G90 G64", b"F250", b"TRANS X5", b"G4 X2", b"/N5 G1 X3", b"G54", b"R1=5"]
+ASIDE = [b"", b"; X1 Y2", b"(X1)", b"M8", b"G90 G64", b"F250", b'MSG("A")', b"G4 X2", b"/N5 G1 X3", b"R1=5"]
 
 
 @pytest.mark.parametrize("aside", ASIDE)
