@@ -282,8 +282,8 @@ def _places(data: bytes, settings: Settings | None) -> Iterator[_Place]:
         block = _read(raw)
         yield _Place(line, block.number if block else None, offset, state, parameters, obstacle, whereabouts.untold)
         commands = interpreter.block(raw.rstrip(b"\r\n"), line)
-        is_run, after = not interpreter.is_in_structure, interpreter.modal
-        whereabouts.note(block, commands, state.work_offset, after, interpreter.variables, is_run=is_run)
+        is_run = not interpreter.is_in_structure
+        whereabouts.note(block, commands, state.work_offset, interpreter, is_run=is_run)
         offset += len(raw)
 
 

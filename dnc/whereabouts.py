@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 from planner.gcode import GROUP_OF, Block, Call, ModalGroup, Word, code_of
 from sim.interpreter import canon
-from sim.interpreter.state import State
+from sim.interpreter.run import Interpreter
 from sim.interpreter.values import Variables
 
 _IN_MACHINE = frozenset({ModalGroup.SUPPRESSION, ModalGroup.ONE_SHOT})
@@ -52,13 +52,13 @@ class Whereabouts:
         block: Block | None,
         commands: Iterable[canon.Command],
         offset_before: str,
-        after: State,
-        variables: Variables,
+        interpreter: Interpreter,
         *,
         is_run: bool,
     ) -> None:
-        """A block, `is_run` for sure; what it commanded; the work offset before it, what is behind it."""
-        self._note_reading(variables)
+        """A block, `is_run` for sure; what it commanded; the work offset before it; the interpreter behind it."""
+        after, frames = interpreter.modal, interpreter.frames
+        self._note_reading(interpreter.variables)
         if after.work_offset != offset_before:
             self._unsure |= self._moved
         words = block.words if block else ()
@@ -68,9 +68,14 @@ class Whereabouts:
             if isinstance(one, canon.Motion):
                 axes = {axis for axis in range(3) if one.start[axis] != one.end[axis]}
                 self._moved |= axes
-                self._unsure |= axes if is_elsewhere or (isinstance(one, canon.Rapid) and one.is_machine) else set()
+                self._unsure |= axes if is_elsewhere else set()
         if is_elsewhere:  # also where the axis seems to stand there already
             self._unsure |= {axis for axis, name in enumerate("XYZ") if any(word.address[0] == name for word in words)}
+        self._moved |= frames.machine_axes
+        self._unsure |= frames.machine_axes
+        if frames.offsets - {after.work_offset}:  # a subprogram went there and came back
+            self._unsure |= self._moved
+        frames.clear()
         self._is_offset_named |= (is_run and ModalGroup.WORK_OFFSET in groups) or after.work_offset != "G500"
         if block is None or not is_run or is_elsewhere or ModalGroup.FRAME in groups:
             return

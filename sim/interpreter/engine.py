@@ -23,6 +23,7 @@ from sim.interpreter.execute import Executor
 from sim.interpreter.flow import Flow
 from sim.interpreter.levels import Level
 from sim.interpreter.mapping import mapping_of
+from sim.interpreter.motion_words import Frames
 from sim.interpreter.outlet import Outlet
 from sim.interpreter.settings import Settings
 from sim.interpreter.source import Received, Source
@@ -76,6 +77,11 @@ class Interpreter:
     def variables(self) -> Variables:
         """R parameters and variables of the moment."""
         return self._variables
+
+    @property
+    def frames(self) -> Frames:
+        """In which coordinates blocks have moved; whoever reads it clears it."""
+        return self._executor.frames
 
     @property
     def is_in_structure(self) -> bool:

@@ -14,7 +14,7 @@ from sim.interpreter import canon
 from sim.interpreter.alarms import AlarmNumber, ControlAlarm
 from sim.interpreter.frame_words import program_frame, program_limits
 from sim.interpreter.mode_words import remember, set_feed, set_modes
-from sim.interpreter.motion_words import Mover
+from sim.interpreter.motion_words import Frames, Mover
 from sim.interpreter.outlet import Outlet
 from sim.interpreter.request import AXES, Request, request_of
 from sim.interpreter.settings import Settings
@@ -52,6 +52,11 @@ class Executor:
         self._settings, self._state, self._variables, self._outlet = settings, state, variables, outlet
         self._require_program = require_program
         self._mover = Mover(settings, state, outlet)
+
+    @property
+    def frames(self) -> Frames:
+        """In which coordinates blocks have moved."""
+        return self._mover.frames
 
     @property
     def is_waiting(self) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 from planner.gcode import ModalGroup
 from planner.gcode.codes import SPLINE_CODES
 from sim.interpreter import canon
@@ -18,11 +20,28 @@ from sim.interpreter.state import State
 from sim.interpreter.targets import Target, path_feed, target_of
 
 
+@dataclass(slots=True)
+class Frames:
+    """In which coordinates blocks have moved, those of subprograms too, until somebody clears it.
+
+    `machine_axes` went to places of the machine's own; `offsets` were in force for the other moves.
+    """
+
+    machine_axes: set[int] = field(default_factory=set)
+    offsets: set[str] = field(default_factory=set)
+
+    def clear(self) -> None:
+        """Nothing has moved yet."""
+        self.machine_axes.clear()
+        self.offsets.clear()
+
+
 class Mover:
     """Turns requests for motion into canonical motions."""
 
     def __init__(self, settings: Settings, state: State, outlet: Outlet) -> None:
         self._settings, self._state, self._outlet = settings, state, outlet
+        self.frames = Frames()
         self.path = Path(settings, state, outlet)
 
     def move(self, request: Request) -> None:
@@ -34,6 +53,12 @@ class Mover:
             self._special(one_shot, request)
         elif request.is_geometry:
             self._exact_stop(request)
+            if request.code(ModalGroup.SUPPRESSION) is None:
+                self.frames.offsets.add(self._state.work_offset)
+            else:
+                self.frames.machine_axes |= request.axes.keys() | {
+                    axis for axis in request.polynomials if axis is not None
+                }
             self._by_code(request)
 
     def set_motion(self, request: Request) -> None:
@@ -135,4 +160,5 @@ class Mover:
     def _to_machine_place(self, place: Vector, axes: set[int], request: Request) -> None:
         mapping = mapping_of(self._state, self._settings, is_suppressed=True)
         end, canonical = mapping.moved_to(self._state.position_mm, {axis: place[axis] for axis in axes})
+        self.frames.machine_axes |= axes
         self._rapid(Target(mapping, end, end, canonical), request, is_machine=True)

@@ -1,0 +1,38 @@
+"""Restarts behind a call: what a subprogram does with axes and offsets counts as what the program does (6.8)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dnc.errors import InputRejected
+from dnc.restart import restart_at_line
+from sim.interpreter.settings import Settings
+from tests.dnc.restarts import HEAD, HEIGHTS
+
+
+@pytest.mark.parametrize(
+    ("sub", "words"),
+    [
+        ("G1 SUPA X5 F900", "where X stands depends on work offsets"),
+        ("G53 G1 Z5 F900\nX3", "where Z stands depends on work offsets"),
+        ("G0 SUPA Z5", "where Z stands depends on work offsets"),
+        ("G1 SUPA X=IC(5) F900", "where X stands depends on work offsets"),
+        ("POLY SUPA PO[X]=(5) F900\nG1", "where X stands depends on work offsets"),
+        ("SUPA G1 X10 F900", "where X stands depends on work offsets"),
+        ("G54\nG1 Y3 F900\nG55", "where X, Y, Z stands depends on work offsets"),
+        ("G1 Y3 F900", None),
+        ("G54\nG55\nG1 Y3 F900", None),
+    ],
+)
+def test_what_a_subprogram_moves_elsewhere_is_not_known(tmp_path: Path, sub: str, words: str | None) -> None:
+    """(6.8) A feed in machine coordinates, or under another offset, within a subprogram went unseen."""
+    (tmp_path / "L10.SPF").write_text(sub + "\nM17\n")
+    data = f"{HEAD}G1 Z1 F100\nX10 Y2\nL10\nG91 X1 F100\nX2\nG90\nG0 Z50\nM30\n".encode()
+    line, settings = HEAD.count("\n") + 5, Settings(subprogram_folder=tmp_path, is_drip_fed=True)
+    if words is None:
+        assert restart_at_line(data, line, HEIGHTS, settings)
+        return
+    with pytest.raises(InputRejected, match=words):
+        restart_at_line(data, line, HEIGHTS, settings)
