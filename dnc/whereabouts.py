@@ -33,6 +33,7 @@ class Whereabouts:
         self._unsure: set[int] = set()
         self._is_offset_named = False
         self._read = ""
+        self._calls = 0
         self.untold = frozenset(range(3))
 
     @property
@@ -77,8 +78,9 @@ class Whereabouts:
             self._unsure |= self._moved
         frames.clear()
         self._is_offset_named |= (is_run and ModalGroup.WORK_OFFSET in groups) or after.work_offset != "G500"
-        if block is None or not is_run or is_elsewhere or ModalGroup.FRAME in groups:
-            return
+        is_call, self._calls = interpreter.calls != self._calls, interpreter.calls
+        if block is None or not is_run or is_elsewhere or is_call or ModalGroup.FRAME in groups:
+            return  # what a call names is moved before the subprogram, and that may move it again
         self._moved |= {axis for axis, name in enumerate("XYZ") if any(word.address == name for word in words)}
         if after.dimension == "G90":
             told = dimensions(block)

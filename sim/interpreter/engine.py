@@ -84,6 +84,11 @@ class Interpreter:
         return self._executor.frames
 
     @property
+    def calls(self) -> int:
+        """How many subprograms have begun so far."""
+        return self._subprograms.begun
+
+    @property
     def is_in_structure(self) -> bool:
         """Whether an IF or a loop of the main program is open, or a jump looks for its target."""
         return bool(self._main.opened or self._main.sections) or self._main.search is not None

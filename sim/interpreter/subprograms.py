@@ -40,12 +40,16 @@ class Call:
 
 
 class Subprograms:
-    """The stack of calls above the main program; levels and scopes of variables grow and shrink with it."""
+    """The stack of calls above the main program; levels and scopes of variables grow and shrink with it.
+
+    `begun` counts the subprograms that have begun, each run of one for itself.
+    """
 
     def __init__(self, settings: Settings, state: State, variables: Variables, levels: list[Level]) -> None:
         self._settings, self._state, self._variables, self._levels = settings, state, variables, levels
         self._library = Library(settings.subprogram_folder)
         self._calls: list[Call] = []
+        self.begun = 0
 
     @property
     def name(self) -> str | None:
@@ -92,6 +96,7 @@ class Subprograms:
             self._begin(call)
 
     def _begin(self, call: Call) -> None:
+        self.begun += 1
         self._calls.append(call)
         caller = self._levels[-1]
         is_repeat = call.has_run or caller.is_repeat or caller.at < caller.furthest

@@ -36,3 +36,15 @@ def test_what_a_subprogram_moves_elsewhere_is_not_known(tmp_path: Path, sub: str
         return
     with pytest.raises(InputRejected, match=words):
         restart_at_line(data, line, HEIGHTS, settings)
+
+
+@pytest.mark.parametrize("sub", ["G1 SUPA X5 F900", "G74 X1=0", "G54\nG1 X3 F900\nG55", "G90"])
+@pytest.mark.parametrize("dimension", ["G90", "G91"])
+def test_what_a_call_names_beside_it_is_not_where_the_axis_stands(tmp_path: Path, sub: str, dimension: str) -> None:
+    """(6.8) Behind `L10 X3` X was taken to be told; the subprogram had moved it on, or G91 was in force."""
+    (tmp_path / "L10.SPF").write_text(sub + "\nM17\n")
+    head = HEAD.replace("G0 X0 Y0\n", "G0 Y0\n")
+    data = f"{head}G1 Z1 F100\n{dimension}\nL10 X3\nG90 G1 Y2\nY3\nG0 Z50\nM30\n".encode()
+    line, settings = head.count("\n") + 5, Settings(subprogram_folder=tmp_path, is_drip_fed=True)
+    with pytest.raises(InputRejected, match="where X"):
+        restart_at_line(data, line, HEIGHTS, settings)
