@@ -7,19 +7,16 @@ from collections.abc import Collection, Iterator
 from functools import cached_property
 
 from dnc.branches import Branches
-from sim.interpreter.library import Library
+from dnc.called import TEXTS, named_programs
 from sim.interpreter.run import Interpreter
 from sim.interpreter.settings import Settings
 
-_ASIDE = re.compile(rb'"[^"\n]*"|;.*')
-"""Texts and comments."""
 _COUNTING = re.compile(
     rb"(?<![A-Z_$])R(\d+)[ \t]*=[ \t]*R(\d+)[ \t]*[-+][ \t]*(?:\d+\.?\d*|\.\d+)"
     rb"(?=[ \t\r]*(?:$|;)|[ \t]*(?!DIV|MOD|AND|OR|XOR|B_|EX)[A-Z])",
     re.MULTILINE | re.IGNORECASE,
 )
 """One step of a counter, with nothing behind the number that goes on with the sum: a word of its own, or the end."""
-_NUMBERED = re.compile(r"L0*(\d+)$")
 _LOOP = re.compile(rb"(?<![A-Z_])FOR(?![A-Z_]).*", re.IGNORECASE)
 _PARAMETER = re.compile(rb"(?<![A-Z_])R[ \t]*(\[|\d+)", re.IGNORECASE)
 
@@ -39,7 +36,7 @@ def counters_of(data: bytes, settings: Settings | None = None) -> frozenset[int]
         return frozenset()
     counted, used = _counted_and_used(data)
     try:
-        for text in _named(data, Library(None if settings is None else settings.subprogram_folder)):
+        for text in named_programs(data, settings):
             used |= _counted_and_used(text)[1]
     except OSError:
         return frozenset()  # what cannot be read may use any of them
@@ -89,7 +86,7 @@ def _perhaps_changed(data: bytes) -> set[int]:
     changed: set[int] = set()
     at, is_computed = 0, False
     for raw in lines_of(data):
-        text = _ASIDE.sub(b"", raw)
+        text = TEXTS.sub(b"", raw)
         if b"R" in text.upper():
             assigned = {int(number) for number in _ASSIGNED.findall(text)}
             read |= {int(number) for number in _READ.findall(text) if number != b"["} - surely_set
@@ -119,28 +116,6 @@ def _counted_and_used(data: bytes) -> tuple[set[int], set[bytes]]:
         counted.add(int(step[1]))
         return b" "
 
-    text = _ASIDE.sub(b"", data)
+    text = TEXTS.sub(b"", data)
     loops = set(_PARAMETER.findall(b"\n".join(_LOOP.findall(text))))
     return counted, loops | set(_PARAMETER.findall(_COUNTING.sub(without, text)))
-
-
-def _named(data: bytes, library: Library) -> Iterator[bytes]:
-    """The programs of the folder whose names stand in this one, or in one of those."""
-    left, waiting = set(library.names), [data]
-    while waiting:
-        text = waiting.pop()
-        for name in [one for one in left if _is_named(one, text)]:
-            left.remove(name)
-            found = library.program(name)
-            if found is not None:
-                waiting.append(found)
-                yield found
-
-
-def _is_named(name: str, text: bytes) -> bool:
-    """Whether a program's name stands in a text; its last digits may end a word or be followed by another."""
-    number = _NUMBERED.match(name)
-    spelled = rb"L0*%s" % number[1].encode() if number else re.escape(name.encode("latin-1", "replace"))
-    before = rb"(?<![A-Z])" if name[:1].isalpha() else rb"(?<![A-Z\d.])"
-    behind = rb"(?!\d)" if name[-1:].isdigit() else rb"(?![A-Z\d])"
-    return re.search(before + spelled + behind, text, re.IGNORECASE) is not None

@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from dnc.called import leads_away, may_lean
 from dnc.errors import InputRejected
 from dnc.parameters import FirstRun, counters_of, lines_of
 from dnc.preamble import SPLINES, Heights, Spelling, lift_of, preamble_blocks, unit_code
@@ -213,14 +214,20 @@ def _obstacle_at(data: bytes, place: _Place, heights: Heights, settings: Setting
         dimension = codes.get(ModalGroup.DIMENSION, dimension)
         if block is None or ModalGroup.FRAME in codes or all(word.address not in _GEOMETRY for word in block.words):
             is_sure = is_sure and block is not None and _stays(block, codes)
-            continue
-        if motion == "CT" or (motion in ("ASPLINE", "CSPLINE") and start == "BTAN"):
-            return f"{motion} takes its direction from the move before"
-        is_sure = is_sure and block.skip_level is None and _ELSEWHERE.isdisjoint(codes)
-        is_aside = (motion, dimension) == ("G0", "G90") and all(word.address != "Z" for word in block.words)
-        is_told = is_told or (is_sure and is_aside and place.untold <= dimensions(block))
-        is_sure = False
-        if motion not in ("G0", "G1") or _moves_surely(block, dimension, standing, is_inch=state.is_inch):
+        else:
+            if motion == "CT" or (motion in ("ASPLINE", "CSPLINE") and start == "BTAN"):
+                return f"{motion} takes its direction from the move before"
+            is_sure = is_sure and block.skip_level is None and _ELSEWHERE.isdisjoint(codes)
+            is_aside = (motion, dimension) == ("G0", "G90") and all(word.address != "Z" for word in block.words)
+            is_told = is_told or (is_sure and is_aside and place.untold <= dimensions(block))
+            is_sure = False
+            if motion not in ("G0", "G1") or _moves_surely(block, dimension, standing, is_inch=state.is_inch):
+                break
+        if block is not None and leads_away(block):
+            if motion in ("CT", "ASPLINE", "CSPLINE") or may_lean(data[place.offset_bytes :], settings):
+                return (
+                    "the first move behind a branch or a call may be one that takes its direction from the one before"
+                )
             break
     return None if is_told else f"where {names(place.untold)} stands is not said before, and only the control knows it"
 

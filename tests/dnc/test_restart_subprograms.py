@@ -48,3 +48,32 @@ def test_what_a_call_names_beside_it_is_not_where_the_axis_stands(tmp_path: Path
     line, settings = head.count("\n") + 5, Settings(subprogram_folder=tmp_path, is_drip_fed=True)
     with pytest.raises(InputRejected, match="where X"):
         restart_at_line(data, line, HEIGHTS, settings)
+
+
+@pytest.mark.parametrize(
+    ("middle", "is_safe"),
+    [
+        ("CT X15 Y5\n@IF R1==2\nG0 Z30\nELSE\nX20\nENDIF\n", False),
+        ("@IF R1==2\nG1 X30\nENDIF\nCT X20 Y9\n", False),
+        ("@GOTOF ON\nG1 X30\nON:\nCT X20 Y9\n", False),
+        ("@L10\nG1 X3\n", False),
+        ("@X10 L10\nG1 X3\n", False),
+        ("@L20\nG1 X3\n", False),
+        ("@L30\nG1 X3\n", True),
+        ("@X15 L10\nG1 X3\n", True),
+        ("@IF R1==2\nG1 X30\nENDIF\nX20 Y9\n", True),
+        ('@MSG("A")\nG1 X30\nCT X20 Y9\n', True),
+    ],
+)
+def test_a_curve_behind_a_call_or_a_branch_may_be_the_first_move(tmp_path: Path, middle: str, is_safe: bool) -> None:
+    """(6.8) It took its direction from the preamble; only blocks that stand in the program were looked at."""
+    for name, text in (("L10", "CSPLINE X4 Y6\nX8\nX9 Y9\nG1 X3"), ("L20", "L10"), ("L30", "G1 X9")):
+        (tmp_path / f"{name}.SPF").write_text(text + "\nM17\n")
+    text = f"R1=2\n{HEAD}G1 Z1 F100\nX10\n{middle}G0 Z50\nM30\n"
+    line, settings = text.split("@")[0].count("\n") + 1, Settings(subprogram_folder=tmp_path, is_drip_fed=True)
+    data = text.replace("@", "").encode()
+    if is_safe:
+        assert restart_at_line(data, line, HEIGHTS, settings)
+        return
+    with pytest.raises(InputRejected, match=r"takes its direction from the (one|move) before"):
+        restart_at_line(data, line, HEIGHTS, settings)
