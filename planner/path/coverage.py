@@ -6,7 +6,7 @@ surface is judged inside its border only; passes may run on beyond it, on the ex
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,10 @@ from planner.path.seeds import Seeds
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+ASTRAY = 0.5  # of a ball's way: no further off its middle lies the middle of parameters on one sheet
+ROUNDING_MM = 1e-6  # of places that are solved for
+DEEPEST = 1e-3  # of the ball's radius: deeper than this no ball cuts into the border
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,15 +181,36 @@ def _reach(surface: OffsetSurface, border: Border, planes_mm: Array, passes: Ind
     planes = planes_mm[passes[chosen]]
     start = border.parameters[:, index[chosen]]
     found = solve_reaches(surface, under, planes, start + away[chosen] * _across(under))
+    found = _on_sheet(surface, under, start, found, away[chosen])
     lost = np.flatnonzero(~found.is_found)
     if len(lost):
         target = np.stack([under.centre[0, lost], planes[lost]])
         guess, _, _ = locate(surface, target, start[:, lost], residual_mm=0.01, steps=12)
-        found = found.replaced(lost, solve_reaches(surface, under.take(lost), planes[lost], guess))
+        again = solve_reaches(surface, under.take(lost), planes[lost], guess)
+        again = _on_sheet(surface, under.take(lost), start[:, lost], again, away[chosen][lost])
+        found = found.replaced(lost, again)
     height = np.full(len(passes), np.inf)
     height[chosen] = np.where(found.is_found, found.height_mm, np.inf)
     spread = {field.name: _scatter(getattr(found, field.name), chosen, len(passes)) for field in fields(Reaches)}
     return Reaches(**spread), height
+
+
+def _on_sheet(surface: OffsetSurface, under: OffsetPoints, start: Array, found: Reaches, away_mm: Array) -> Reaches:
+    """The same heights (m,), lost where the ball stands on another sheet of the extended patch than its border point.
+
+    Where the parameters lead elsewhere than the ball's way (x, y) as the patch goes on at `start`, their middle tells.
+    A ball of the part's own sheet cuts into no border point: such jobs are refused before.
+    """
+    step = found.on_pass - start
+    way = np.stack([found.x - under.centre[0], away_mm])
+    off = np.abs(under.centre_u[:2] * step[0] + under.centre_v[:2] * step[1] - way).max(axis=0)
+    far_mm = np.abs(way).max(axis=0) + ROUNDING_MM
+    is_found = found.is_found & (found.height_mm > -DEEPEST * surface.radius_mm)
+    doubt = np.flatnonzero(is_found & ~(off <= far_mm))
+    middle = surface.evaluate(*(start + step / 2)[:, doubt]).centre[:2]
+    astray = np.hypot(*(middle - under.centre[:2, doubt] - way[:, doubt] / 2))
+    is_found[doubt] = astray <= ASTRAY * far_mm[doubt]
+    return replace(found, is_found=is_found)
 
 
 def _across(found: OffsetPoints) -> Array:

@@ -8,7 +8,7 @@ import pytest
 from planner.path.coverage import border_heights
 from planner.path.one_sided import with_one_sided
 from planner.path.peaks import survey
-from planner.path.pick_feed import ChainEnd, solve_pick_feeds
+from planner.path.pick_feed import ChainEnd, even_planes, solve_pick_feeds
 from planner.path.strategy.parallel import Wishes, prepare
 from planner.surface.patch import NurbsPatch
 from tests.planner.surfaces import clamped, random_patch
@@ -71,3 +71,24 @@ def test_a_round_bulge_into_a_gap_is_as_high_as_its_summit(angle_deg: float) -> 
     assert (
         abs((peaks.by_b if angle_deg == 0.0 else -peaks.by_a)[at] - nearest_mm / np.sqrt(16.0 - nearest_mm**2)) < 1e-6
     )
+
+
+@pytest.mark.parametrize("seed", [10, 97, 152])
+def test_a_ball_on_another_sheet_of_the_carried_on_patch_reaches_no_border_point(seed: int) -> None:
+    """(4.7) Newton went a whole patch away, "a scallop between two passes could not be measured" ended the search."""
+    patch, wishes = random_patch(seed)
+    assert wishes.scallop_mm is not None
+    feeds = solve_pick_feeds(prepare(patch, wishes), wishes.scallop_mm, accuracy_mm=1e-7)
+    assert feeds.end is ChainEnd.SETTLED
+    assert feeds.peaks.height_mm.max() < wishes.scallop_mm + 2e-7
+
+
+def test_balls_that_reach_a_border_point_stand_near_it() -> None:
+    """(4.1) Beside a fold one was found at u = -0.78, and 1.8 mm were told for a gap that holds 0.8 mm there."""
+    patch, wishes = random_patch(45)
+    ground = prepare(patch, wishes)
+    assert wishes.pick_feed_mm is not None
+    heights = border_heights(ground.surface, ground.border, even_planes(ground, wishes.pick_feed_mm))
+    for level, reaches in ((heights.below, heights.lower), (heights.above, heights.upper)):
+        away = np.abs(reaches.on_pass - ground.border.parameters)[:, np.isfinite(level)]
+        assert away.max() < 0.2
