@@ -96,11 +96,27 @@ def border_cusps(surface: OffsetSurface, border: Border, heights: BorderHeights,
     return GapCusps(gap, solve_cusps(surface, planes, border.held[chosen], border.value[chosen], guess))
 
 
-def stretches(ends: GapCusps) -> tuple[Indices, Array, Array]:
+def border_jumps(border: Border, heights: BorderHeights) -> tuple[Indices, Array]:
+    """Where the nearer pass changes on the border although one of both reaches it on one side only: gap (k,), x (k,).
+
+    Behind a fold of the patch as it would go on a pass ends, and with it the cusp line.
+    """
+    here = np.arange(len(heights.gap))
+    there = border.after(here)
+    has_both = np.isfinite(heights.below) & np.isfinite(heights.above)
+    is_known, is_upper = heights.best >= 0, heights.above < heights.below
+    is_jump = is_known & is_known[there] & (heights.gap == heights.gap[there]) & (is_upper != is_upper[there])
+    at = np.flatnonzero(is_jump & ~(has_both & has_both[there]))
+    x = border.points.centre[0]
+    return heights.gap[at] - 1, np.where(has_both[at], x[at], x[there[at]])
+
+
+def stretches(ends: GapCusps, jumps: tuple[Indices, Array]) -> tuple[Indices, Array, Array]:
     """Where cusp lines run inside the border: gap (k,), and the x where each stretch begins and stops."""
-    order = np.lexsort((ends.cusps.x, ends.gap))
-    order = order[ends.cusps.is_found[order]]
-    gap, x = ends.gap[order], ends.cusps.x[order]
+    gap = np.append(ends.gap[ends.cusps.is_found], jumps[0])
+    x = np.append(ends.cusps.x[ends.cusps.is_found], jumps[1])
+    order = np.lexsort((x, gap))
+    gap, x = gap[order], x[order]
     first = np.searchsorted(gap, gap)
     rank = np.arange(len(gap)) - first
     is_start = (rank % 2 == 0)[:-1] & (gap[1:] == gap[:-1])

@@ -21,6 +21,7 @@ from planner.path.coverage import (
     best_of_each,
     border_cusps,
     border_heights,
+    border_jumps,
     guess_from,
     inner_cusps,
     stretches,
@@ -70,12 +71,12 @@ def survey(ground: Ground, planes_mm: Array, height_mm: float, *, coarse: int = 
     """
     heights = border_heights(ground.surface, ground.border, planes_mm)
     ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
-    gaps, start, stop = stretches(ends)
+    gaps, start, stop = stretches(ends, border_jumps(ground.border, heights))
     stretch, x = _stations(start, stop, coarse * ground.station_mm)
     inner = inner_cusps(ground.surface, ground.seeds, planes_mm, gaps[stretch], x, height_mm)
     if coarse == 1:
         inner, stretch = _closer(ground, inner, stretch, planes_mm, ends, within_mm=1e-4 * height_mm)
-    tops = _tops(ground, inner, stretch, planes_mm)
+    tops = _inside(ground, _tops(ground, inner, stretch, planes_mm))
     missed = int((~inner.cusps.is_found).sum())
     return _peaks(ground, heights, planes_mm, ends, tops, missed), tops
 
@@ -93,18 +94,14 @@ def survey_at(ground: Ground, planes_mm: Array, tops: GapCusps) -> Peaks:
     if len(lost):
         again = inner_cusps(ground.surface, ground.seeds, planes_mm, tops.gap[lost], tops.cusps.x[lost], 0.0)
         moved = moved.with_more(again)
-    (u_low, u_high), (v_low, v_high) = ground.surface.patch.domain
-    u, v = moved.cusps.foot
-    is_inside = moved.cusps.is_found & (u >= u_low) & (u <= u_high) & (v >= v_low) & (v <= v_high)
-    inside = GapCusps(moved.gap[is_inside], moved.cusps.take(is_inside))
-    return _peaks(ground, heights, planes_mm, ends, inside, 0)
+    return _peaks(ground, heights, planes_mm, ends, _inside(ground, moved), 0)
 
 
 def profile(ground: Ground, planes_mm: Array, gap: int, count: int) -> tuple[Array, Array]:
     """The cusp line of one gap: places x and heights, about `count` of each, inside the border."""
     heights = border_heights(ground.surface, ground.border, planes_mm)
     ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
-    gaps, start, stop = stretches(ends)
+    gaps, start, stop = stretches(ends, border_jumps(ground.border, heights))
     start, stop = start[gaps == gap], stop[gaps == gap]
     _, x = _stations(start, stop, max(float(np.sum(stop - start)) / count, 1e-3))
     found = inner_cusps(ground.surface, ground.seeds, planes_mm, np.full(len(x), gap), x, 0.0).cusps
@@ -206,6 +203,14 @@ def _tops(ground: Ground, inner: GapCusps, stretch: Indices, planes_mm: Array, r
         _, place = hermite_top(low.x, high.x, low.height_mm, high.height_mm, low.slope, high.slope)
         found = inner_cusps(ground.surface, ground.seeds, planes_mm, gap[left], place, 0.0, guess_from(found.cusps))
     return found
+
+
+def _inside(ground: Ground, found: GapCusps) -> GapCusps:
+    """The cusps that were found on the patch."""
+    (u_low, u_high), (v_low, v_high) = ground.surface.patch.domain
+    u, v = found.cusps.foot
+    is_inside = found.cusps.is_found & (u >= u_low) & (u <= u_high) & (v >= v_low) & (v <= v_high)
+    return GapCusps(found.gap[is_inside], found.cusps.take(is_inside))
 
 
 def _bracket(cusps: Cusps, left: Indices, right: Indices) -> Iterator[Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.path.coverage import border_heights
+from planner.path.coverage import border_heights, inner_cusps
 from planner.path.one_sided import with_one_sided
 from planner.path.peaks import survey
 from planner.path.pick_feed import ChainEnd, even_planes, solve_pick_feeds
@@ -92,3 +92,16 @@ def test_balls_that_reach_a_border_point_stand_near_it() -> None:
     for level, reaches in ((heights.below, heights.lower), (heights.above, heights.upper)):
         away = np.abs(reaches.on_pass - ground.border.parameters)[:, np.isfinite(level)]
         assert away.max() < 0.2
+
+
+def test_a_cusp_line_that_ends_where_a_pass_does_is_surveyed() -> None:
+    """(4.1) Behind a fold it has no end of equal heights; the other end stayed alone and nothing between was seen."""
+    patch, wishes = random_patch(45)
+    ground = prepare(patch, wishes)
+    assert wishes.pick_feed_mm is not None
+    planes_mm = even_planes(ground, wishes.pick_feed_mm)
+    heights_mm = survey(ground, planes_mm, 0.5)[0].height_mm
+    x = np.linspace(-36.0, -3.0, 34)
+    cusps = inner_cusps(ground.surface, ground.seeds, planes_mm, np.full(len(x), 7), x, 0.5).cusps
+    assert cusps.is_found.all()
+    assert heights_mm[7] >= cusps.height_mm.max()
