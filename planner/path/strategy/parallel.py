@@ -17,6 +17,7 @@ from planner.path.peaks import Ground, Peaks, lay_ground, survey
 from planner.path.pick_feed import ChainEnd, even_planes, left_for_exact_mm, local_pick_feed, solve_pick_feeds
 from planner.path.runs import pass_runs
 from planner.path.seeds import Seeds, sow
+from planner.path.standing import with_traced
 from planner.path.strategy.roll_over import roll_over, within_patch
 from planner.path.trace import TracedCurve, trace
 from planner.surface.curvature import survey as survey_patch
@@ -72,15 +73,16 @@ def lay_parallel(patch: NurbsPatch, wishes: Wishes, *, accuracy_mm: float, readi
         feeds = solve_pick_feeds(ground, wishes.scallop_mm, accuracy_mm=accuracy_mm, high_mm=wishes.high_mm)
         if feeds.end is not ChainEnd.SETTLED:
             raise InputRejected(f"{patch.name}: {feeds.end.value}{_place(feeds.peaks)}", remedy="give pick_feed_mm")
-        planes_mm, peaks = feeds.planes_mm, feeds.peaks
+        planes_mm, peaks, within = feeds.planes_mm, feeds.peaks, feeds.peaks
     else:
         assert wishes.pick_feed_mm is not None
         planes_mm = even_planes(ground, wishes.pick_feed_mm)
-        peaks = survey(ground, planes_mm, wishes.pick_feed_mm**2 / (8 * wishes.radius_mm))[0]
-        peaks = with_one_sided(ground, planes_mm, peaks)
+        within = survey(ground, planes_mm, wishes.pick_feed_mm**2 / (8 * wishes.radius_mm))[0]
+        peaks = with_one_sided(ground, planes_mm, within)
     if wishes.rolls_over:
-        return _over_the_edge(ground, planes_mm, peaks, wishes, accuracy_mm, reading_mm)
+        return _over_the_edge(ground, planes_mm, (within, peaks), wishes, accuracy_mm, reading_mm)
     curves = run_passes(ground, planes_mm, wishes.angle_rad, accuracy_mm=reading_mm)
+    peaks = with_traced(ground, planes_mm, within, peaks, curves)
     on_passes = np.concatenate([curve.parameters for curve in curves]).T
     gouge_mm = max(gouge_mm, check_beyond(ground.surface, on_passes, on_patch, accuracy_mm))
     return Layout(tuple(curves), np.arange(len(curves)), planes_mm, peaks, ground, gouge_mm)
@@ -144,9 +146,12 @@ def _place(peaks: Peaks) -> str:
 
 
 def _over_the_edge(
-    ground: Ground, planes_mm: Array, within: Peaks, wishes: Wishes, accuracy_mm: float, reading_mm: float
+    ground: Ground, planes_mm: Array, found: tuple[Peaks, Peaks], wishes: Wishes, accuracy_mm: float, reading_mm: float
 ) -> Layout:
-    """The passes in these planes, and more, over the edge of the patch; `within` are the peaks up to the border."""
+    """The passes in these planes, and more, over the edge of the patch.
+
+    `found` are the peaks up to the border, without and with what it holds where one pass alone reaches it.
+    """
     out_mm = min(_feed_at_border(ground, wishes), FURTHEST_OUT * wishes.radius_mm)
     rolling = roll_over(ground.surface, planes_mm, out_mm=out_mm, pick_feed_mm=wishes.pick_feed_mm)
     if not rolling.covers(*_needed_runs(ground, planes_mm, join_mm=0.0)):
@@ -163,7 +168,7 @@ def _over_the_edge(
         tuple(within_patch(curve, ground.surface) for curve in curves),
         rolling.owner,
         rolling.planes_mm,
-        rolling.peaks_of(within),
+        rolling.peaks_of(with_traced(ground, planes_mm, *found, curves)),
         ground,
         gouge_mm,
     )
