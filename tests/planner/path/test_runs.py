@@ -9,10 +9,11 @@ import pytest
 
 from planner.errors import InputRejected
 from planner.path.model import DrivingPlane
+from planner.path.runs import Pieces, joined_runs, runs_inside
 from planner.path.strategy.parallel import Wishes, lay_parallel, prepare
 from planner.path.trace import TracedCurve, trace
 from planner.surface.patch import NurbsPatch
-from tests.planner.surfaces import clamped
+from tests.planner.surfaces import clamped, plane_patch
 
 CORNER_Y = 30.0
 
@@ -34,9 +35,11 @@ def horns(rise_mm: float, slot_mm: float = 6.0) -> NurbsPatch:
     return NurbsPatch(3, 3, clamped(8), clamped(21), points)
 
 
-def crosses_slot(curve: TracedCurve) -> bool:
-    """Whether a pass runs from one leg of the horns to the other past the end of the slot."""
-    return curve.plane.offset_mm > 0 and curve.points[0, 0] < 0 < curve.points[-1, 0]
+def crosses_slot(curve: TracedCurve, slot_mm: float = 6.0) -> bool:
+    """Whether a pass runs from one leg of the horns to the other past the round end of the slot, which is at x = 0."""
+    (x, y, _), (x_end, y_end, _) = curve.plane.to_work(curve.points[[0, -1]])
+    is_across = min(x, x_end) < -slot_mm / 2 and slot_mm / 2 < max(x, x_end)
+    return bool(is_across and y - x * (y_end - y) / (x_end - x) > 0)
 
 
 @pytest.mark.parametrize("rise_mm", [0.0, 3.0])
@@ -68,8 +71,7 @@ def test_passes_beside_a_narrow_slot_are_two_and_no_more(slot_mm: float, angle_d
     curves = lay_parallel(horns(0.0, slot_mm), wishes, accuracy_mm=1e-7).curves
     pieces = Counter(curve.plane.offset_mm for curve in curves)
     assert max(pieces.values()) <= 3  # the third is a horn
-    if angle_deg == 0.0:
-        assert not any(crosses_slot(curve) for curve in curves)
+    assert not any(crosses_slot(curve, slot_mm) for curve in curves)
 
 
 def test_a_pass_is_not_joined_over_a_fold_in_the_round_end_of_a_slot() -> None:
@@ -100,3 +102,25 @@ def test_a_pass_across_two_parts_is_refused_as_such() -> None:
             spacing_mm=1.0,
             accuracy_mm=1e-5,
         )
+
+
+def test_a_crossing_without_its_other_joins_no_two_passes() -> None:
+    """Where a pass touches the border there may be an odd number; the last is left, the next pass begins anew."""
+    passes, x = np.array([1, 0, 0, 0, 1]), np.array([9.0, 3.0, 1.0, 7.0, 5.0])
+    inside = runs_inside(passes, x, np.stack([x, -x]))
+    assert inside.owner.tolist() == [0, 1]
+    assert inside.x.tolist() == [[1.0, 3.0], [5.0, 9.0]]
+    assert inside.parameters.tolist() == [[[1.0, 3.0], [5.0, 9.0]], [[-1.0, -3.0], [-5.0, -9.0]]]
+
+
+@pytest.mark.parametrize(("u", "v", "count"), [(0.5, 0.6, 1), (0.5, 0.65, 2), (0.55, 0.6, 2)])
+def test_pieces_are_joined_only_where_the_patch_leads_to_the_ball_that_stands_there(
+    u: float, v: float, count: int
+) -> None:
+    """(4.7) A pass at y = 10 over a level square goes on from x = 8 to 12, to the ball at its middle alone."""
+    ground = prepare(plane_patch(), Wishes(2.0, 0.0, None, 1.0))
+    ends = np.array([[[0.5, 0.5], [u, u]], [[0.1, 0.4], [v, 0.9]]])
+    pieces = Pieces(np.array([0, 0]), np.array([[2.0, 8.0], [12.0, 18.0]]), ends)
+    owner, runs = joined_runs(ground.surface, np.array([10.0]), pieces, join_mm=5.0)
+    assert len(runs) == len(owner) == count
+    assert runs[[0, -1], [0, 1]].tolist() == [2.0, 18.0]
