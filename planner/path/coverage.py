@@ -223,6 +223,8 @@ def _on_sheet(surface: OffsetSurface, under: OffsetPoints, start: Array, found: 
     far_mm = np.abs(way).max(axis=0) + ROUNDING_MM
     is_found = found.is_found & (found.height_mm > -DEEPEST * surface.radius_mm)
     doubt = np.flatnonzero(is_found & ~(off <= far_mm))
+    if not len(doubt):
+        return replace(found, is_found=is_found)
     middle = surface.evaluate(*(start + step / 2)[:, doubt]).centre[:2]
     astray = np.hypot(*(middle - under.centre[:2, doubt] - way[:, doubt] / 2))
     is_found[doubt] = astray <= ASTRAY * far_mm[doubt]

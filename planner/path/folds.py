@@ -20,6 +20,7 @@ Flags = NDArray[np.bool_]
 
 STEPS = 8  # of a walk between two neighbouring nodes
 ASTRAY = 0.25  # of a step: no further off its middle lies the middle of its parameters, unless it leaps
+ROUNDING_MM = 1e-6  # of places at which balls were found to stand
 
 
 def walk_out(surface: OffsetSurface, owner: Indices, offsets_mm: Array, nodes: CurveSamples, is_found: Flags) -> Flags:
@@ -60,9 +61,64 @@ def walk(
         at, middle = surface.evaluate(after[0], after[1]), surface.evaluate(*((guess + after) / 2)).centre
         turn = at.centre_u[0] * at.centre_v[1] - at.centre_u[1] * at.centre_v[0]
         off_mm = np.hypot(middle[0] - w_mm + step_mm / 2, middle[1] - offsets_mm)
-        is_reached &= is_found & (surface.side * turn > 0) & (off_mm <= ASTRAY * np.abs(step_mm))
+        is_reached &= is_found & (surface.side * turn > 0) & (off_mm <= ASTRAY * np.abs(step_mm) + ROUNDING_MM)
         guess = after
     return found, is_reached
+
+
+def keep_sheet(
+    surface: OffsetSurface, owner: Indices, offsets_mm: Array, nodes: CurveSamples, ends: tuple[Array, Array]
+) -> None:
+    """Find nodes (m,) anew, in place, of curves that stand on another sheet than the balls at their ends.
+
+    Beside a narrow slot the patch as it would go on from one side lies over the other, and guesses from the raster may
+    stand on either. `ends` are places (k, 2) on the curves and parameters (2, k, 2). A curve that cannot be followed
+    from one end to the other is left as it is.
+    """
+    x, parameters = ends
+    w_mm = nodes.points[:, 0]
+    starts = np.searchsorted(owner, np.arange(len(offsets_mm) + 1))
+    first, last = w_mm[starts[:-1], None], w_mm[starts[1:] - 1, None]
+    share = np.clip((x - first) / (last - first), 0.0, 1.0)
+    near = starts[:-1, None] + np.rint(share * (np.diff(starts) - 1)[:, None]).astype(np.intp)
+    ahead, places = np.moveaxis(nodes.parameters[near], 2, 0), w_mm[near]
+    is_same = [
+        _is_one_sheet(surface, offsets_mm, (x[:, i], parameters[..., i]), (places[:, i], ahead[..., i])) for i in (0, 1)
+    ]
+    for row in np.flatnonzero(~(is_same[0] & is_same[1])).tolist():
+        _follow(
+            surface, offsets_mm[row : row + 1], nodes, slice(starts[row], starts[row + 1]), (x[row], parameters[:, row])
+        )
+
+
+def _follow(
+    surface: OffsetSurface, offset_mm: Array, nodes: CurveSamples, of_curve: slice, ends: tuple[Array, Array]
+) -> None:
+    """Solve the nodes of one curve in short steps from the first end on, and back, if that leads to the last end."""
+    w_mm = nodes.points[of_curve, 0]
+    first = int(np.searchsorted(w_mm, ends[0][0]))
+    found: dict[int, CurveSamples] = {}
+    for way in (range(first, len(w_mm)), range(first - 1, -1, -1)):
+        place, guess = ends[0][:1], ends[1][:, :1]
+        for at in way:
+            found[at], is_reached = walk(surface, offset_mm, place, guess, w_mm[at : at + 1])
+            if not is_reached.all():
+                return
+            place, guess = w_mm[at : at + 1], found[at].parameters.T.copy()
+    last = min(int(np.searchsorted(w_mm, ends[0][1])), len(w_mm) - 1)
+    arrived = w_mm[last : last + 1], found[last].parameters.T
+    if _is_one_sheet(surface, offset_mm, (ends[0][1:], ends[1][:, 1:]), arrived).all():
+        for at, sample in found.items():
+            _put(nodes, np.array([of_curve.start + at]), sample, np.array([True]))
+
+
+def _is_one_sheet(
+    surface: OffsetSurface, offsets_mm: Array, here: tuple[Array, Array], there: tuple[Array, Array]
+) -> Flags:
+    """Whether balls at places x (k,) of planes, with parameters (2, k), stand on one sheet: their middle tells."""
+    middle = surface.evaluate(*((here[1] + there[1]) / 2)).centre
+    off_mm = np.hypot(middle[0] - (here[0] + there[0]) / 2, middle[1] - offsets_mm)
+    return np.asarray(off_mm <= ASTRAY * np.abs(there[0] - here[0]) + ROUNDING_MM)
 
 
 def call_back(surface: OffsetSurface, owner: Indices, offsets_mm: Array, nodes: CurveSamples, wide: Indices) -> None:

@@ -39,6 +39,11 @@ class Pieces:
         """The chosen pieces only."""
         return Pieces(self.owner[chosen], self.x[chosen], self.parameters[:, chosen])
 
+    def over(self, first: Indices, last: Indices) -> Pieces:
+        """From the begins of the pieces `first` (m,) to the ends of those `last`, in the same passes."""
+        ends = np.stack([self.parameters[:, first, 0], self.parameters[:, last, 1]], axis=2)
+        return Pieces(self.owner[first], np.stack([self.x[first, 0], self.x[last, 1]], axis=1), ends)
+
     def between(self, before: Indices, after: Indices) -> Pieces:
         """The blanks from the ends of the pieces `before` (m,) to the begins of those `after`, in the same passes."""
         ends = np.stack([self.parameters[:, before, 1], self.parameters[:, after, 0]], axis=2)
@@ -53,8 +58,8 @@ def pass_runs(
     crossed: tuple[Indices, Array, Array],
     *,
     join_mm: float,
-) -> tuple[Indices, Array]:
-    """Where passes must run to leave nothing on the patch: pass (k,) and [from, to] in x (k, 2), sorted.
+) -> Pieces:
+    """Where passes must run to leave nothing on the patch, sorted.
 
     A pass is needed where its contact point is on the patch (`crossed`: pass, x and parameters of its crossings of the
     border), and as far beyond as it is the one that cuts a border point or a cusp's end lowest. Pieces nearer than
@@ -85,8 +90,8 @@ def runs_inside(passes: Indices, x: Array, parameters: Array) -> Pieces:
     return Pieces(passes[start], x[ends], parameters[:, ends])
 
 
-def joined_runs(surface: OffsetSurface, planes_mm: Array, pieces: Pieces, *, join_mm: float) -> tuple[Indices, Array]:
-    """Pieces sorted, those of a pass no further than `join_mm` apart as one: pass (k,) and [from, to] in x (k, 2).
+def joined_runs(surface: OffsetSurface, planes_mm: Array, pieces: Pieces, *, join_mm: float) -> Pieces:
+    """Pieces sorted, those of a pass no further than `join_mm` apart as one.
 
     Two between which the extended patch does not go on stay two. Beside a narrow slot what is needed of one side may
     stand between pieces of the other: each is put to its own side then, and the runs overlap.
@@ -106,9 +111,9 @@ def joined_runs(surface: OffsetSurface, planes_mm: Array, pieces: Pieces, *, joi
     for one in over[_goes_on(surface, planes_mm, pieces.between(lasts[over], starts[over + 2]))].tolist():
         side[one + 2] = side[one]
     kept, at = np.unique(side, return_inverse=True)
-    reach = np.full(len(kept), -np.inf)
-    np.maximum.at(reach, at, high[lasts])
-    return owner[starts[kept]], np.stack([low[starts[kept]], reach], axis=1)
+    order = np.lexsort((high[lasts], at))
+    last = lasts[order[np.append(np.flatnonzero(np.diff(at[order])), len(order) - 1)]] if len(order) else lasts
+    return pieces.over(starts[kept], last)
 
 
 def _furthest(owner: Indices, high: Array) -> Indices:
@@ -134,13 +139,13 @@ def _goes_on(surface: OffsetSurface, planes_mm: Array, gaps: Pieces) -> Flags:
         start, stop = gaps.x[doubt].T
         found, is_reached = walk(surface, y[doubt], start, here[:, doubt], stop, STEPS)
         away = np.abs(found.parameters.T - there[:, doubt]) / np.ptp(surface.patch.domain, axis=1)[:, None]
-        is_closed = np.array(_closes(surface))[:, None]
+        is_closed = np.array(closes(surface))[:, None]
         away = np.where(is_closed, np.abs(away - np.round(away)), away)
         goes_on[doubt] = is_reached & (away.max(axis=0) <= SAME_PLACE)
     return goes_on
 
 
-def _closes(surface: OffsetSurface) -> tuple[bool, bool]:
+def closes(surface: OffsetSurface) -> tuple[bool, bool]:
     """Whether the patch closes upon itself in u, and in v."""
     patch = surface.patch
     u, v = (span_places(basis, 6) for basis in (patch.basis_u, patch.basis_v))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputRejected
 from planner.path.arc_length import lengths_between, quintic, wide_gaps
-from planner.path.folds import call_back, walk_out
+from planner.path.folds import call_back, keep_sheet, walk_out
 from planner.path.model import DrivingPlane
 from planner.path.newton import CurveSamples, solve_on_planes
 from planner.path.offset import OffsetSurface
@@ -94,10 +94,12 @@ def trace(
     spacing_mm: float,
     accuracy_mm: float,
     rounds: int = 12,
+    ends: tuple[Array, Array] | None = None,
 ) -> list[TracedCurve]:
     """One curve a plane, from w_mm[k, 0] to w_mm[k, 1], with nodes at most `spacing_mm` apart and at least 9.
 
-    Gaps are halved until the curve is read between nodes within `accuracy_mm`, (11), at most `rounds` times.
+    Gaps are halved until the curve is read between nodes within `accuracy_mm`, (11), at most `rounds` times. `ends`,
+    places (k, 2) on the curves and the parameters (2, k, 2) there, say on which sheet of the extended patch they run.
     Raises InputRejected, naming patch and place, where the extended surface does not reach that far or bends too
     sharply.
     """
@@ -106,6 +108,8 @@ def trace(
     start = seeds.near(np.stack([place, offsets[owner]]))
     nodes, is_found = solve_on_planes(surface, offsets[owner], place, start)
     _find_lost(surface, owner, offsets, nodes, is_found)
+    if ends is not None:
+        keep_sheet(surface, owner, offsets, nodes, ends)
     for turn in range(rounds + 1):
         is_wide = wide_gaps(owner, nodes.points, nodes.tangents, nodes.curvatures, accuracy_mm=accuracy_mm)
         wide = np.flatnonzero(is_wide)

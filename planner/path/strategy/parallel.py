@@ -15,7 +15,7 @@ from planner.path.offset import OffsetSurface
 from planner.path.one_sided import with_one_sided
 from planner.path.peaks import Ground, Peaks, lay_ground, survey
 from planner.path.pick_feed import ChainEnd, even_planes, left_for_exact_mm, local_pick_feed, solve_pick_feeds
-from planner.path.runs import pass_runs
+from planner.path.runs import Pieces, closes, pass_runs
 from planner.path.seeds import Seeds, sow
 from planner.path.standing import with_traced
 from planner.path.strategy.roll_over import roll_over, within_patch
@@ -154,7 +154,8 @@ def _over_the_edge(
     """
     out_mm = min(_feed_at_border(ground, wishes), FURTHEST_OUT * wishes.radius_mm)
     rolling = roll_over(ground.surface, planes_mm, out_mm=out_mm, pick_feed_mm=wishes.pick_feed_mm)
-    if not rolling.covers(*_needed_runs(ground, planes_mm, join_mm=0.0)):
+    needed = _needed_runs(ground, planes_mm, join_mm=0.0)
+    if not rolling.covers(needed.owner, needed.x):
         what = f"{ground.surface.patch.name} falls too steeply to its edge, or runs too nearly along the passes there"
         raise InputRejected(
             f"{what}, for passes to roll over it", remedy='use edge = "to-border", or another angle_deg'
@@ -182,8 +183,8 @@ def _feed_at_border(ground: Ground, wishes: Wishes) -> float:
     return float(local_pick_feed(ground.surface, ground.border.parameters, wishes.scallop_mm).max())
 
 
-def _needed_runs(ground: Ground, planes_mm: Array, *, join_mm: float) -> tuple[Indices, Array]:
-    """Where passes up to the border must run: index of the plane (k,) and [from, to] in x (k, 2)."""
+def _needed_runs(ground: Ground, planes_mm: Array, *, join_mm: float) -> Pieces:
+    """Where passes up to the border must run."""
     heights = border_heights(ground.surface, ground.border, planes_mm)
     ends = border_cusps(ground.surface, ground.border, heights, planes_mm)
     crossed = crossings(ground.surface, ground.border, planes_mm)
@@ -193,10 +194,13 @@ def _needed_runs(ground: Ground, planes_mm: Array, *, join_mm: float) -> tuple[I
 def run_passes(ground: Ground, planes_mm: Array, angle_rad: float, *, accuracy_mm: float) -> list[TracedCurve]:
     """Every pass traced where it is needed: one curve a connected piece, in order of planes, then along +w."""
     join_mm = 2 * float(np.diff(planes_mm).max(initial=ground.station_mm))
-    owner, runs = _needed_runs(ground, planes_mm, join_mm=join_mm)
-    if not len(owner):
+    needed = _needed_runs(ground, planes_mm, join_mm=join_mm)
+    if not len(needed.owner):
         raise InputRejected("no pass meets the part", remedy="check angle_deg, pick_feed_mm and the surface")
-    short = np.maximum(join_mm / 4 - (runs[:, 1] - runs[:, 0]), 0.0) / 2
-    runs = runs + np.stack([-short, short], axis=1)
-    planes = [DrivingPlane(angle_rad, float(planes_mm[one])) for one in owner]
-    return trace(ground.surface, ground.seeds, planes, runs, spacing_mm=ground.station_mm / 2, accuracy_mm=accuracy_mm)
+    short = np.maximum(join_mm / 4 - (needed.x[:, 1] - needed.x[:, 0]), 0.0) / 2
+    runs = needed.x + np.stack([-short, short], axis=1)
+    planes = [DrivingPlane(angle_rad, float(planes_mm[one])) for one in needed.owner]
+    # Across a seam the parameters leap, and stand on no other sheet.
+    ends = None if any(closes(ground.surface)) else (needed.x, needed.parameters)
+    spacing_mm = ground.station_mm / 2
+    return trace(ground.surface, ground.seeds, planes, runs, spacing_mm=spacing_mm, accuracy_mm=accuracy_mm, ends=ends)

@@ -102,9 +102,9 @@ def roll_over(surface: OffsetSurface, planes_mm: Array, *, out_mm: float, pick_f
     planes = np.concatenate([planes_mm[0] - before[::-1], planes_mm, planes_mm[-1] + behind])
     crossed = crossings(over, rim, planes)
     join_mm = 2 * float(np.diff(planes).max(initial=out_mm))
-    plane, runs = joined_runs(over, planes, runs_inside(*crossed), join_mm=join_mm)
-    owner, pieces = _pieces(plane, runs, *_kinks(over, planes, out_mm / 4))
-    return Rolling(over, planes, owner, plane[owner], pieces, len(before), len(behind))
+    runs = joined_runs(over, planes, runs_inside(*crossed), join_mm=join_mm)
+    owner, pieces = _pieces(runs.owner, runs.x, *_kinks(over, planes, out_mm / 4))
+    return Rolling(over, planes, owner, runs.owner[owner], pieces, len(before), len(behind))
 
 
 def _facing(over: RolledSurface, rim: Border, least: float = 0.2) -> float:

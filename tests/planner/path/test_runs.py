@@ -6,8 +6,10 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from planner.errors import InputRejected
+from planner.path.coverage import border_heights
 from planner.path.model import DrivingPlane
 from planner.path.runs import Pieces, joined_runs, runs_inside
 from planner.path.strategy.parallel import Wishes, lay_parallel, prepare
@@ -88,6 +90,24 @@ def test_a_pass_is_not_joined_over_a_fold_in_the_round_end_of_a_slot() -> None:
     assert layout.gouge_mm < 1e-7
 
 
+@pytest.mark.parametrize(("angle_deg", "feed_mm"), [(90.2, 1.1), (100.0, 2.2)])
+def test_a_pass_in_a_slot_runs_on_the_sheet_of_the_side_that_needs_it(angle_deg: float, feed_mm: float) -> None:
+    """(4.1) Between legs of two heights the patch carried on from one lies over the other.
+
+    Traced on the wrong one a pass left 0.20 mm more on a corner than was told.
+    """
+    layout = lay_parallel(horns(1.0, 3.0), Wishes(2.0, np.radians(angle_deg), None, feed_mm), accuracy_mm=1e-7)
+    surface, border = layout.ground.surface, layout.ground.border
+    heights = border_heights(surface, border, layout.planes_mm)
+    lowest = np.minimum(heights.below, heights.above)
+    balls = []
+    for curve in layout.curves:
+        points = curve.refine(np.linspace(0, curve.length_mm, int(curve.length_mm / 0.02) + 2)).points
+        balls.append(np.insert(points, 1, curve.plane.offset_mm, axis=1))
+    tops = (border.points.contact + lowest * border.points.normal)[:, np.isfinite(lowest)]
+    assert cKDTree(np.concatenate(balls)).query(tops.T)[0].max() < surface.radius_mm + 1e-4
+
+
 def test_a_pass_across_two_parts_is_refused_as_such() -> None:
     """(4.7) It was told that the patch bends too sharply: the gap beside the jump was looked at, not the jump."""
     ground = prepare(horns(1.0), Wishes(2.0, 0.0, None, 3.9))
@@ -121,6 +141,6 @@ def test_pieces_are_joined_only_where_the_patch_leads_to_the_ball_that_stands_th
     ground = prepare(plane_patch(), Wishes(2.0, 0.0, None, 1.0))
     ends = np.array([[[0.5, 0.5], [u, u]], [[0.1, 0.4], [v, 0.9]]])
     pieces = Pieces(np.array([0, 0]), np.array([[2.0, 8.0], [12.0, 18.0]]), ends)
-    owner, runs = joined_runs(ground.surface, np.array([10.0]), pieces, join_mm=5.0)
-    assert len(runs) == len(owner) == count
-    assert runs[[0, -1], [0, 1]].tolist() == [2.0, 18.0]
+    runs = joined_runs(ground.surface, np.array([10.0]), pieces, join_mm=5.0)
+    assert len(runs.x) == len(runs.owner) == count
+    assert runs.x[[0, -1], [0, 1]].tolist() == [2.0, 18.0]
