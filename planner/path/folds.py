@@ -20,6 +20,7 @@ Flags = NDArray[np.bool_]
 
 STEPS = 8  # of a walk between two neighbouring nodes
 ASTRAY = 0.25  # of a step: no further off its middle lies the middle of its parameters, unless it leaps
+PAST_ENDS = (1.0, 0.5, 0.25, 0.125)  # shares of what a short curve runs on past its ends, tried in turn
 ROUNDING_MM = 1e-6  # of places at which balls were found to stand
 
 
@@ -94,22 +95,42 @@ def keep_sheet(
 def _follow(
     surface: OffsetSurface, offset_mm: Array, nodes: CurveSamples, of_curve: slice, ends: tuple[Array, Array]
 ) -> None:
-    """Solve the nodes of one curve in short steps from the first end on, and back, if that leads to the last end."""
-    w_mm = nodes.points[of_curve, 0]
-    first = int(np.searchsorted(w_mm, ends[0][0]))
+    """Solve the nodes of one curve in short steps from the first end on, and back, if that leads to the last end.
+
+    What it runs on past its ends is cut down where it meets a fold there.
+    """
+    w_mm, (x, parameters) = nodes.points[of_curve, 0].copy(), ends
+    for share in PAST_ENDS:
+        begin, stop = x[0] - share * (x[0] - w_mm[0]), x[1] + share * (w_mm[-1] - x[1])
+        places = begin + (w_mm - w_mm[0]) / (w_mm[-1] - w_mm[0]) * (stop - begin)
+        found = _walked(surface, offset_mm, places, (x[:1], parameters[:, :1]))
+        last = min(int(np.searchsorted(places, x[1])), len(places) - 1)
+        if len(found) < len(places):
+            continue
+        arrived = places[last : last + 1], found[last].parameters.T
+        if _is_one_sheet(surface, offset_mm, (x[1:], parameters[:, 1:]), arrived).all():
+            for at, sample in found.items():
+                _put(nodes, np.array([of_curve.start + at]), sample, np.array([True]))
+            return
+
+
+def _walked(
+    surface: OffsetSurface, offset_mm: Array, places: Array, begin: tuple[Array, Array]
+) -> dict[int, CurveSamples]:
+    """The samples at places (n,) of one plane, in short steps on and back from a place (1,) and parameters (2, 1).
+
+    Those beyond one that is not reached are missing.
+    """
+    first = int(np.searchsorted(places, begin[0][0]))
     found: dict[int, CurveSamples] = {}
-    for way in (range(first, len(w_mm)), range(first - 1, -1, -1)):
-        place, guess = ends[0][:1], ends[1][:, :1]
+    for way in (range(first, len(places)), range(first - 1, -1, -1)):
+        place, guess = begin
         for at in way:
-            found[at], is_reached = walk(surface, offset_mm, place, guess, w_mm[at : at + 1])
+            sample, is_reached = walk(surface, offset_mm, place, guess, places[at : at + 1])
             if not is_reached.all():
-                return
-            place, guess = w_mm[at : at + 1], found[at].parameters.T.copy()
-    last = min(int(np.searchsorted(w_mm, ends[0][1])), len(w_mm) - 1)
-    arrived = w_mm[last : last + 1], found[last].parameters.T
-    if _is_one_sheet(surface, offset_mm, (ends[0][1:], ends[1][:, 1:]), arrived).all():
-        for at, sample in found.items():
-            _put(nodes, np.array([of_curve.start + at]), sample, np.array([True]))
+                return found
+            found[at], place, guess = sample, places[at : at + 1], sample.parameters.T.copy()
+    return found
 
 
 def _is_one_sheet(

@@ -90,13 +90,17 @@ def test_a_pass_is_not_joined_over_a_fold_in_the_round_end_of_a_slot() -> None:
     assert layout.gouge_mm < 1e-7
 
 
-@pytest.mark.parametrize(("angle_deg", "feed_mm"), [(90.2, 1.1), (100.0, 2.2)])
-def test_a_pass_in_a_slot_runs_on_the_sheet_of_the_side_that_needs_it(angle_deg: float, feed_mm: float) -> None:
+@pytest.mark.parametrize(
+    ("rise_mm", "angle_deg", "feed_mm"), [(1.0, 90.2, 1.1), (1.0, 100.0, 2.2), (0.3, 60.0, 3.5), (1.0, 20.0, 3.5)]
+)
+def test_a_pass_in_a_slot_runs_on_the_sheet_of_the_side_that_needs_it(
+    rise_mm: float, angle_deg: float, feed_mm: float
+) -> None:
     """(4.1) Between legs of two heights the patch carried on from one lies over the other.
 
-    Traced on the wrong one a pass left 0.20 mm more on a corner than was told.
+    Traced on the wrong one a pass left 0.20 mm more on a corner than was told. A short one met a fold past its end.
     """
-    layout = lay_parallel(horns(1.0, 3.0), Wishes(2.0, np.radians(angle_deg), None, feed_mm), accuracy_mm=1e-7)
+    layout = lay_parallel(horns(rise_mm, 3.0), Wishes(2.0, np.radians(angle_deg), None, feed_mm), accuracy_mm=1e-7)
     surface, border = layout.ground.surface, layout.ground.border
     heights = border_heights(surface, border, layout.planes_mm)
     lowest = np.minimum(heights.below, heights.above)
