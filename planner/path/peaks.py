@@ -74,6 +74,7 @@ def survey(ground: Ground, planes_mm: Array, height_mm: float, *, coarse: int = 
     gaps, start, stop = stretches(ends, border_jumps(ground.border, heights))
     stretch, x = _stations(start, stop, coarse * ground.station_mm)
     inner = inner_cusps(ground.surface, ground.seeds, planes_mm, gaps[stretch], x, height_mm)
+    inner = _called_back(ground, inner, stretch, x, planes_mm)
     if coarse == 1:
         inner, stretch = _closer(ground, inner, stretch, planes_mm, ends, within_mm=1e-4 * height_mm)
     tops = _inside(ground, _tops(ground, inner, stretch, planes_mm))
@@ -129,6 +130,34 @@ def _stations(start: Array, stop: Array, spacing_mm: float) -> tuple[Indices, Ar
     rank = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     share = rank / (counts[owner] - 1)
     return owner, start[owner] + share * (stop - start)[owner]
+
+
+def _called_back(
+    ground: Ground, inner: GapCusps, stretch: Indices, x: Array, planes_mm: Array, rounds: int = 3
+) -> GapCusps:
+    """The stations at places `x` (m,), those off the patch solved anew from what lies on it on both sides of them.
+
+    Their lines run on the patch; but beside a slot it may be carried on from one side over the other.
+    """
+    for _ in range(rounds):
+        is_good = _is_inside(ground, inner, room=1e-6)
+        bad, good = np.flatnonzero(~is_good), np.flatnonzero(is_good)
+        if not len(bad) or not len(good):
+            break
+        after = np.minimum(np.searchsorted(good, bad), len(good) - 1)
+        sides = np.stack([good[np.maximum(after - 1, 0)], good[after]])
+        is_own = stretch[sides] == stretch[bad]
+        sides = np.where(is_own, sides, sides[::-1])
+        bad, sides = bad[is_own.any(axis=0)], sides[:, is_own.any(axis=0)]
+        share = np.clip((x[bad] - x[sides[0]]) / np.maximum(x[sides[1]] - x[sides[0]], 1e-12), 0.0, 1.0)
+        low, high = (_start(inner.cusps.take(side)) for side in sides)
+        near = CuspGuess(*(one + share * (other - one) for one, other in zip(low, high, strict=True)))
+        again = inner_cusps(ground.surface, ground.seeds, planes_mm, inner.gap[bad], x[bad], 0.0, near)
+        kept = np.delete(np.arange(len(x)), bad)
+        both = GapCusps(inner.gap[kept], inner.cusps.take(kept)).with_more(again)
+        order = np.argsort(np.append(kept, bad))
+        inner = GapCusps(both.gap[order], both.cusps.take(order))
+    return inner
 
 
 def _closer(
@@ -207,10 +236,16 @@ def _tops(ground: Ground, inner: GapCusps, stretch: Indices, planes_mm: Array, r
 
 def _inside(ground: Ground, found: GapCusps) -> GapCusps:
     """The cusps that were found on the patch."""
-    (u_low, u_high), (v_low, v_high) = ground.surface.patch.domain
-    u, v = found.cusps.foot
-    is_inside = found.cusps.is_found & (u >= u_low) & (u <= u_high) & (v >= v_low) & (v <= v_high)
+    is_inside = _is_inside(ground, found)
     return GapCusps(found.gap[is_inside], found.cusps.take(is_inside))
+
+
+def _is_inside(ground: Ground, found: GapCusps, room: float = 0.0) -> NDArray[np.bool_]:
+    """Which cusps (k,) were found on the patch, or no further off it than `room` of its domain."""
+    low, high = np.array(ground.surface.patch.domain).T[:, :, None]
+    slack = room * (high - low)
+    is_on = (found.cusps.foot >= low - slack) & (found.cusps.foot <= high + slack)
+    return np.asarray(found.cusps.is_found & is_on.all(axis=0))
 
 
 def _bracket(cusps: Cusps, left: Indices, right: Indices) -> Iterator[Array]:
