@@ -40,6 +40,7 @@ _AHEAD_S = 6.0
 _AHEAD_MIN_BYTES = 4096
 _HEARD_BYTES = 65536
 SIGTERM_EXIT = 143
+_UNTOLD = "nobody can tell from here whether the device server passed them on"
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +192,10 @@ class Job:
         why = grave[-1] if grave else None
         told = f"{why.text}; {why.remedy}" if why is not None else sender.last_cause.value
         if sender.state is JobState.SENT:
-            return 0, sender.note or f"sent {sender.tally.bytes_sent} bytes; SENT does not mean that the part is done"
+            # Connection and device server may still hold all of a short program, and neither tells.
+            told = "" if self.port.is_bound_assured else " into the network; " + _UNTOLD
+            sent = f"sent {sender.tally.bytes_sent} bytes{told}; SENT does not mean that the part is done"
+            return 0, sender.note or sent
         if sender.last_cause in (Cause.CONTROL_RESET, Cause.CONTROL_ALARM):
             return int(ControlStopped.exit_code), f"{told}; {window}"
         cut = "is" if sender.is_cut else "may be"

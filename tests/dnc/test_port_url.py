@@ -105,3 +105,16 @@ def test_what_a_network_takes_while_nobody_reads_is_in_doubt(
         port.close()
         job.stream.close()
         job.events.close()
+
+
+def test_sent_into_a_network_claims_no_more_than_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(5.3) A device server that read nothing: the bytes lay in connections, and the job was SENT like on a cable."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(port_url, "_LINGER_S", 0.0)
+    profile = load_profile(shipped_path("machines", "sinumerik-840d"))
+    with socket.create_server(("127.0.0.1", 0)) as server, closing(tape_of(tmp_path, b"N10 G0 Z50\nM30\n")) as tape:
+        port = UrlPort(f"socket://127.0.0.1:{server.getsockname()[1]}", profile.link)
+        finished = Job(tape, port, profile, JobNames("1", "part.mpf", "mill"), []).run()
+    assert finished.exit_code == 0
+    assert "nobody can tell from here whether the device server passed them on" in finished.sentence
