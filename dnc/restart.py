@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 from dnc.called import leads_away, may_lean
 from dnc.errors import InputRejected
+from dnc.obstacles import obstacle_of
 from dnc.parameters import FirstRun, counters_of, lines_of
-from dnc.preamble import SPLINES, Heights, Spelling, lift_of, preamble_blocks, unit_code
+from dnc.preamble import Heights, Spelling, lift_of, preamble_blocks, unit_code
 from dnc.whereabouts import Whereabouts, dimensions, names
 from planner.gcode import GROUP_OF, Block, ModalGroup, SyntaxProblem, code_of, read_block, value_text
 from sim.interpreter import canon
@@ -248,32 +249,6 @@ def _stays(block: Block, codes: Mapping[ModalGroup | None, str]) -> bool:
     return block.statement is None and is_known and (_ELSEWHERE.isdisjoint(codes) or "G4" in codes.values())
 
 
-def _obstacle(interpreter: Interpreter) -> str | None:
-    """Why a restart cannot begin before the next block, or None."""
-    state = interpreter.modal
-    if not (state.tool or state.tool_name):
-        return "no tool is called before, and another than the first run's may be in the spindle"
-    if interpreter.is_in_structure:
-        return "IF, a loop or a jump is open, which does not end well without its beginning"
-    if interpreter.variables.globals:
-        return "variables are defined by DEF, which the preamble does not restore"
-    if state.motion in SPLINES:
-        return f"{state.motion} is running, and the curve depends on blocks before"
-    if state.compensation != "G40":
-        return f"{state.compensation} is active, and its contour depends on blocks before"
-    if interpreter.is_waiting:
-        return "the spline, or the contour of G41 or G42, is ended by the next move only"
-    if not state.edge:
-        return "D0 is in force: heights count from the spindle, and the preamble would lower the tool by its length"
-    if not (state.tool_name.isascii() and state.tool_selected_name.isascii()):
-        return "a tool's name has letters that the preamble cannot write"
-    if not state.frame.is_identity_matrix:
-        return "a frame turns, scales or mirrors, which the preamble cannot restore"
-    if state.spindle_direction and not state.spindle_rpm:
-        return "the spindle turns at a speed that the program does not name (S)"
-    return None
-
-
 def _places(data: bytes, settings: Settings | None) -> Iterator[_Place]:
     """Every line with the state before it, until the control would stop."""
     interpreter, counters = Interpreter(settings), counters_of(data, settings)
@@ -285,7 +260,7 @@ def _places(data: bytes, settings: Settings | None) -> Iterator[_Place]:
         if state.is_ended:
             return
         parameters = {number: value for number, value in interpreter.variables.r.items() if number not in counters}
-        obstacle = _obstacle(interpreter) or whereabouts.obstacle
+        obstacle = obstacle_of(interpreter) or whereabouts.obstacle
         block = _read(raw)
         yield _Place(line, block.number if block else None, offset, state, parameters, obstacle, whereabouts.untold)
         commands = interpreter.block(raw.rstrip(b"\r\n"), line)

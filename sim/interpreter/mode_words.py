@@ -27,6 +27,7 @@ _PLAIN_MODALS = (
 _PASSING_GROUPS = frozenset({ModalGroup.FIFO, ModalGroup.LANGUAGE})
 _LASTING_WORDS = frozenset({"ADISPOS", "OTOL", "ATOL", "CYCLE832", "SPLINEPATH", "POLYPATH"})
 _GEARS = frozenset(range(40, 46))
+_TURNING, _PLACING = frozenset({3, 4, 5}), frozenset({19, 70})
 
 
 def remember(request: Request, state: State) -> None:
@@ -41,6 +42,10 @@ def remember(request: Request, state: State) -> None:
     for word in request.accepted:
         if word.address in _LASTING_WORDS:
             lasting[word.address] = write_word(word)
+    if _PLACING.intersection(request.m_codes) or any(word.address == "SPOS" for word in request.accepted):
+        state.is_spindle_placed = True
+    elif _TURNING.intersection(request.m_codes):
+        state.is_spindle_placed = False
     if lasting:
         state.unmodelled = {**state.unmodelled, **lasting}
 

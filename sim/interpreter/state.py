@@ -18,7 +18,8 @@ class State:
     """What earlier blocks left behind; codes are spelled as the language does.
 
     `position_mm` is canonical (work coordinates of the reference offset). `feed` is the F word in the unit of
-    `feed_type`; None until one is programmed. `spindle_direction` is +1 (M3), -1 (M4) or 0. `last_motion` is
+    `feed_type`; None until one is programmed. `spindle_direction` is +1 (M3), -1 (M4) or 0;
+    `is_spindle_placed` says that it was led to an angle since (SPOS, M19, M70). `last_motion` is
     the move before, whose end direction CT and BTAN take up. `spline_start` and `spline_end` are group 19 and
     20. `feed_axes` are the axes of FGROUP, None for all. `unmodelled` are words accepted without effect that last on a
     real control, as they are written; it is replaced, never changed.
@@ -52,6 +53,7 @@ class State:
     edge: int = 1
     spindle_rpm: float = 0.0
     spindle_direction: int = 0
+    is_spindle_placed: bool = False
     is_flood: bool = False
     is_mist: bool = False
     area_min_mm: tuple[float | None, float | None, float | None] = (None, None, None)

@@ -89,6 +89,8 @@ def test_a_place_behind_an_alarm_is_refused_with_the_alarm() -> None:
         ("G1 Z=R10 F80\n@X20\n", "reads R10 before, and only the control knows"),
         ("R1=$AA_IM[Z]\n@G1 X20\n", r"reads \$AA_IM before"),
         ("S0\n@G1 X20\nS500\n", "turns at a speed that the program does not name"),
+        ("SPOS=90\n@G1 X20\nM3\n", "stands at an angle"),
+        ("M19\n@G1 X20\nX30\nM5\n", "stands at an angle"),
         ("X10\n@X10\nCT X15 Y5\n", "CT takes its direction"),
     ],
 )
