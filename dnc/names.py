@@ -16,7 +16,8 @@ _TIME = "%Y%m%dT%H%M%S.%f"
 class JobNames:
     """A job's id, the program's file, the machine profile; what a restart was made of, if it is one.
 
-    A rehearsal goes to a mill of its own and tells nothing of any control.
+    A rehearsal goes to a mill of its own and tells nothing of any control; that mill's status is at `mill_modbus`,
+    host:port.
     """
 
     job_id: str
@@ -24,6 +25,7 @@ class JobNames:
     machine: str
     restart: dict[str, Any] | None = None
     is_rehearsal: bool = False
+    mill_modbus: str = ""
 
 
 def new_job_id(known: Iterable[str], now: datetime | None = None) -> str:

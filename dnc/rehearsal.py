@@ -43,12 +43,13 @@ class Wanted:
 
 
 class Rehearsal:
-    """A running mill: its pty, the baud rate that counts there, and its verdict at the end."""
+    """A running mill: its pty, the baud rate that counts there, where its status is read, its verdict at the end."""
 
     def __init__(self, child: subprocess.Popen[bytes], report: Path, speed: float) -> None:
         self._child, self._report, self._speed = child, report, speed
         ready = _first_line(child)
         self.pty, self.baud = str(ready["pty"]), round(float(ready["effective_baud"]))
+        self.modbus = str(ready["modbus"])
 
     @contextlib.contextmanager
     def ended_by_signals(self) -> Iterator[list[int]]:
@@ -133,7 +134,7 @@ def _first_line(child: subprocess.Popen[bytes]) -> dict[str, Any]:
     line = child.stdout.readline() if readable else b""
     try:
         ready = json.loads(line)
-        return {"pty": ready["pty"], "effective_baud": ready["effective_baud"]}
+        return {key: ready[key] for key in ("pty", "effective_baud", "modbus")}
     except (ValueError, KeyError, TypeError):
         raise PortUnavailable("the virtual mill did not start; run dnc mill to see why") from None
 

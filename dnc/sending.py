@@ -97,7 +97,8 @@ def send(wishes: Wishes) -> int:
             except BaseException:
                 port.close()
                 raise
-            finished = _run(tape, port, profile, wishes, plan.record() if plan is not None else None)
+            names = _names(wishes, plan.record() if plan is not None else None, mill)
+            finished = _run(tape, port, profile, wishes, names)
             if mill is not None and finished.exit_code == 0:
                 finished = _rehearsed(finished, mill, tape, wishes, job)
     finally:
@@ -195,6 +196,10 @@ def _port(wishes: Wishes, profile: MachineProfile) -> Iterator[tuple[Port, Machi
 
     wanted = Wanted(wishes.machine, profile.link, wishes.speed or 1.0, wishes.program.absolute().parent, wishes.job)
     with rehearsal_mill(wanted) as mill:
+        usual = f"{profile.modbus.host}:{profile.modbus.port}"
+        if mill.modbus != usual:
+            why = f"{usual} of the profile is taken, or no address of this computer"
+            tell(f"the status of this rehearsal's mill is at {mill.modbus} ({why}): dnc console --modbus {mill.modbus}")
         scaled = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=mill.baud))
         yield open_port(mill.pty, scaled.link), scaled, mill
 
@@ -217,13 +222,21 @@ def _rehearsed(finished: Finished, mill: Rehearsal, tape: Tape, wishes: Wishes, 
     return replace(finished, report={**finished.report, "exit_code": int(code)}, exit_code=int(code), sentence=sentence)
 
 
-def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, restart: dict[str, Any] | None) -> Finished:
+def _names(wishes: Wishes, restart: dict[str, Any] | None, mill: Rehearsal | None) -> JobNames:
+    return JobNames(
+        new_job_id(known_ids(state_folder())),
+        str(wishes.program),
+        wishes.machine,
+        restart,
+        is_rehearsal=mill is not None,
+        mill_modbus="" if mill is None else mill.modbus,
+    )
+
+
+def _run(tape: Tape, port: Port, profile: MachineProfile, wishes: Wishes, names: JobNames) -> Finished:
     hurry = [] if wishes.dry_run else haste_warnings(port)
     for warning in [*line_warnings(profile, port), *tape_warnings(tape), *hurry]:
         tell(f"warning: {warning}")
-    names = JobNames(
-        new_job_id(known_ids(state_folder())), str(wishes.program), wishes.machine, restart, is_rehearsal=wishes.dry_run
-    )
     about: dict[str, Any] = {"job": names.job_id, "program": names.program, "machine": names.machine}
     about |= {"port": port.name, "simulated": port.is_simulated}
     hooks = hooks_of(wishes.hook, wishes.webhook, about, lambda text: tell(f"warning: {text}"))

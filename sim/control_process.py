@@ -84,14 +84,14 @@ def _work(wire: Wire, setup: Setup) -> None:
 
 
 def _serve_modbus(setup: Setup) -> ModbusEnd:
-    """Serve status where it is wanted; the profile's own address gives way to a free port when it is taken."""
+    """Serve status where it is wanted; the profile's own address gives way where it is taken, or the real machine's."""
     modbus = ModbusEnd(setup.modbus_host, setup.modbus_port)
     try:
         modbus.start()
     except SettingsRejected:
         if setup.is_port_fixed:
             raise
-        modbus = ModbusEnd(setup.modbus_host, 0)
+        modbus = ModbusEnd("127.0.0.1", 0)
         modbus.start()
     return modbus
 

@@ -19,7 +19,7 @@ from textual.widgets import Static
 
 from dnc.console.alarms import AlarmLine, AlarmList, present_alarms
 from dnc.console.forecast import Forecast, forecast_apart
-from dnc.console.known import Known, planned
+from dnc.console.known import Known, is_other_mill, planned
 from dnc.console.rows import Row, Tone
 from dnc.console.view import screen, shown_alarms
 from dnc.profile import Modbus
@@ -152,7 +152,8 @@ class Console(App[None], inherit_bindings=False):
     def redraw_face(self) -> None:
         """Everything anew from what is known now."""
         job = self.watcher.reading()
-        status = self.monitor.status()
+        is_other = self.monitor.is_simulated and is_other_mill(job, self.monitor.modbus.port)
+        status = None if is_other else self.monitor.status()
         self._forget_notice(job)
         if self.alarms.update(present_alarms(job, status)):
             self.bell()
@@ -162,7 +163,7 @@ class Console(App[None], inherit_bindings=False):
             machine_name=self.machine.name,
             job=job,
             machine=status,
-            is_machine_simulated=self.monitor.is_simulated,
+            is_machine_simulated=self.monitor.is_simulated and not is_other,
             forecast=self._forecast_of(job),
             alarms=self.alarms.lines(),
             question=_QUESTIONS[self.question][1] if self.question else "",

@@ -43,6 +43,12 @@ def planned(known: Known) -> tuple[float, float] | None:
     return None if done_s is None else (done_s, known.forecast.total_s)
 
 
+def is_other_mill(job: JobReading | None, port: int) -> bool:
+    """Whether the rehearsal that is shown runs on another virtual mill than the one that is read at this port."""
+    own = str(job.snapshot.get("mill_modbus") or "") if job is not None and job.is_attached else ""
+    return own != "" and own.rpartition(":")[2] != str(port)
+
+
 def span_of_time(seconds: float) -> str:
     """Minutes and seconds, hours where there are any.
 

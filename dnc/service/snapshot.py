@@ -53,6 +53,7 @@ class JobView:
             "port": self.port.name,
             "baud": self.profile.link.baud,
             "simulated": self.port.is_simulated,
+            "mill_modbus": self.names.mill_modbus,
             "bytes_total": tape.size_bytes,
             "bytes_sent": offset,
             "blocks_total": tape.lines.count,

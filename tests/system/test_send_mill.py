@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+import configs
 from tests.helpers.line import PeerProcess, SendProcess, runtime_of
 from tests.helpers.mill import MillProcess, small_machine
 from tests.helpers.schemas import validated
@@ -102,6 +103,22 @@ def test_dry_run_starts_its_own_mill(tmp_path: Path) -> None:
     assert "SIMULATED" in ran.stderr
     assert "the mill came to the end of the program after 0:" in ran.stderr
     assert '"baud": 96000' in (tmp_path / "report.json").read_text()
+
+
+def test_a_profile_whose_status_is_read_at_the_real_machine_is_rehearsed(tmp_path: Path) -> None:
+    """(1.3) The virtual mill wanted the real machine's Modbus address for itself and did not start."""
+    program, profile = tmp_path / "part.mpf", tmp_path / "real.toml"
+    program.write_bytes(b"N10 G0 Z50\nN20 M30\n")
+    shipped = (Path(configs.__file__).parent / "machines" / "virtual-mill.toml").read_text()
+    profile.write_text(shipped.replace('host = "127.0.0.1"', 'host = "192.0.2.7"'))
+    words = ["send", str(program), "--dry-run", "--speed", "50", "--machine", str(profile)]
+    environment = {"XDG_STATE_HOME": str(tmp_path), "PATH": "/usr/bin:/bin"}
+    ran = subprocess.run(
+        [sys.executable, "-m", "dnc", *words], env=environment, capture_output=True, check=False, text=True, timeout=120
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "192.0.2.7:5020 of the profile is taken, or no address of this computer" in ran.stderr
+    assert "dnc console --modbus 127.0.0.1:" in ran.stderr
 
 
 def test_a_rehearsed_control_says_the_first_xon_where_it_is_waited_for(tmp_path: Path) -> None:
