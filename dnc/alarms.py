@@ -78,7 +78,8 @@ PORT_LOST = Kind(
     "DNC-A1",
     Severity.ALARM,
     "the port was lost",
-    f"plug the adapter in again, reset the control, then {RESTART}; nothing restarts by itself",
+    "plug the adapter in again, or see to the network and its device server, reset the control, "
+    f"then {RESTART}; nothing restarts by itself",
 )
 FOREIGN_SETTINGS = Kind(
     "DNC-A5",

@@ -99,9 +99,10 @@ def read_text(
         raise error(f"cannot be read: {problem.strerror}", path=path, remedy="check the name and the rights") from None
     except ValueError:  # it holds a NUL
         raise error(f"{str(path)!r} is no name of a file", remedy="check the name") from None
+    if stat.S_ISDIR(mode):
+        raise error("is a directory", path=path, remedy="name the file in it")
     if not stat.S_ISREG(mode):
-        kind = "a directory" if stat.S_ISDIR(mode) else "not a regular file"
-        raise error(f"is {kind}", path=path, remedy=remedy)
+        raise error("is not a regular file", path=path, remedy=remedy)
     if path.stat().st_size > limit_bytes:
         raise error(f"is larger than {limit_bytes} bytes", path=path, remedy="split it")
     try:
