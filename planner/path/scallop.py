@@ -193,7 +193,8 @@ def solve_reaches(
 ) -> Reaches:
     """Heights (m,) over the surface points `under` that the pass in plane y = planes_mm leaves, eq. (13).
 
-    `guess` (2, m) are parameters of balls of that pass near the points.
+    `guess` (2, m) are parameters of balls of that pass near the points. Beyond a fold of the extended patch, where a
+    pass would turn back, there is no ball of it.
     """
     on_pass, height = guess.copy(), np.zeros(len(planes_mm))
     for _ in range(steps + 1):
@@ -212,7 +213,8 @@ def solve_reaches(
     slope_u = -dot(touch.toward, under.contact_u + height * under.normal_u) / facing
     slope_v = -dot(touch.toward, under.contact_v + height * under.normal_v) / facing
     by_plane = touch.lift / facing
-    is_sound = is_found & (facing < 0) & (np.abs(height) < 2 * surface.radius_mm)
+    turn = at.centre_u[0] * at.centre_v[1] - at.centre_u[1] * at.centre_v[0]
+    is_sound = is_found & (facing < 0) & (np.abs(height) < 2 * surface.radius_mm) & (surface.side * turn > 0)
     return Reaches(height, on_pass, touch.x, by_plane, np.stack([slope_u, slope_v]), is_sound)
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from planner.errors import InputRejected
-from planner.path.strategy.parallel import Layout, lay_parallel
+from planner.path.strategy.parallel import Layout, Wishes, lay_parallel
+from tests.planner.path.test_runs import horns
 from tests.planner.surfaces import random_patch
 
 
@@ -33,9 +34,14 @@ def test_nodes_that_newton_loses_beyond_the_border_are_found_from_the_part(seed:
 
 
 def test_a_fold_that_a_pass_would_have_to_cross_is_refused_with_what_to_do() -> None:
-    patch, wishes = random_patch(82)
     with pytest.raises(InputRejected, match=r"folds too near its border .* carry the surface on past that border"):
-        lay_parallel(patch, wishes, accuracy_mm=1e-7)
+        lay_parallel(horns(1.0, 3.0), Wishes(2.0, np.radians(45.0), None, 2.2), accuracy_mm=1e-7)
+
+
+def test_no_pass_is_asked_for_beyond_a_fold() -> None:
+    """(4.7) A ball past the fold, where the pass would turn back, counted; the run to it was refused for that fold."""
+    patch, wishes = random_patch(82)
+    assert folds_passed(lay_parallel(patch, wishes, accuracy_mm=1e-7)) == 0
 
 
 def test_a_pass_is_not_joined_across_a_fold_behind_the_border() -> None:
