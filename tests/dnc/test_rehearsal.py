@@ -43,10 +43,10 @@ def test_the_mills_report_in_words(report: dict[str, Any] | None, code: ExitCode
     path, said = tmp_path / "mill.json", list[str]()
     if report is not None:
         path.write_text(json.dumps(report))
-    ready = json.dumps({"pty": "/dev/pts/9", "effective_baud": 96000.0})
+    ready = json.dumps({"pty": "/dev/pts/9", "effective_baud": 96000.0, "modbus": "127.0.0.1:5020"})
     with subprocess.Popen([sys.executable, "-c", f"print({ready!r})"], stdout=subprocess.PIPE) as child:
         rehearsal = Rehearsal(child, path, 10.0)
-        assert (rehearsal.pty, rehearsal.baud) == ("/dev/pts/9", 96000)
+        assert (rehearsal.pty, rehearsal.baud, rehearsal.modbus) == ("/dev/pts/9", 96000, "127.0.0.1:5020")
         found = rehearsal.ending(600.0, said.append)
     assert found[0] is code
     assert words in found[1]
