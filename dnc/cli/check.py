@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dnc.cli._options import File, baud_option, machine_option
+from dnc.cli._options import File, baud_option, format_option, machine_option
 from planner.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -31,17 +31,25 @@ if TYPE_CHECKING:
     help="job file: stock box, clearance, tool radii; zero point and tools of the sheet",
 )
 @baud_option
+@format_option
 @click.option("--sheet", type=File(), help="write a setup sheet as HTML")
 @click.option("--json", "as_json", is_flag=True, help="the report as JSON on stdout")
 def command(
-    program: Path, machine: str, job: Path | None, baud: int | None, sheet: Path | None, *, as_json: bool
+    program: Path,
+    machine: str,
+    job: Path | None,
+    baud: int | None,
+    form: str | None,
+    sheet: Path | None,
+    *,
+    as_json: bool,
 ) -> int:
     """Interpret PROGRAM without moving anything and list what is wrong; exit 3 when an error is found."""
     from dnc.check.run import check_program
     from planner.files import kind_of
 
     watch = None
-    limits = _limits(machine, job, baud)
+    limits = _limits(machine, job, baud, form)
     if sheet is not None:
         from dnc.check.sheet import SheetWatch
         from planner.files import check_outputs
@@ -62,16 +70,16 @@ def command(
     return int(ExitCode.REJECTED if done.found.has_errors else ExitCode.OK)
 
 
-def _limits(machine: str, job: Path | None, baud: int | None) -> Limits:
+def _limits(machine: str, job: Path | None, baud: int | None, form: str | None) -> Limits:
     import msgspec
 
     from dnc.check.limits import limits_of
     from dnc.profile import load_profile, profile_path
+    from dnc.sending import link_with
     from planner.job import load_job
 
     profile = load_profile(profile_path(machine))
-    if baud is not None:
-        profile = msgspec.structs.replace(profile, link=msgspec.structs.replace(profile.link, baud=baud))
+    profile = msgspec.structs.replace(profile, link=link_with(profile.link, {"baud": baud, "format": form}))
     return limits_of(profile, None if job is None else load_job(job))
 
 

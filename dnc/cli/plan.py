@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dnc.cli._options import File, machine_option
+from dnc.cli._options import File, baud_option, format_option, machine_option
 from dnc.numbers import Number
 
 if TYPE_CHECKING:
@@ -31,6 +31,8 @@ def _not_built(ctx: click.Context, param: click.Parameter, value: str | None) ->
 @click.argument("job", type=File())
 @click.option("-o", "--output", required=True, type=File(), help="the program to write")
 @machine_option
+@baud_option
+@format_option
 @click.option("--post", "control", type=click.Choice(_CONTROLS), help="control, in place of the job's")
 @click.option("--blocks", type=click.Choice(_BLOCKS), help="kind of cutting blocks, in place of the job's")
 @click.option("--report", type=File(), help="write the report, rivals included, as JSON")
@@ -51,6 +53,8 @@ def command(
     job: Path,
     output: Path,
     machine: str,
+    baud: int | None,
+    form: str | None,
     control: str | None,
     blocks: str | None,
     report: Path | None,
@@ -67,8 +71,11 @@ def command(
     """
     import json
 
+    import msgspec
+
     from dnc.profile import load_profile, profile_path
     from dnc.progress import printable, working
+    from dnc.sending import link_with
     from planner.files import check_outputs, write_file
     from planner.job import load_job
 
@@ -82,6 +89,7 @@ def command(
     check_outputs([output, sidecar, report, plot, sheet], [job, job.parent / asked.part.surface])
     profile_file = profile_path(machine)
     profile = load_profile(profile_file)
+    profile = msgspec.structs.replace(profile, link=link_with(profile.link, {"baud": baud, "format": form}))
     if knot_test:
         from planner.post.knot_test import knot_test_program
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -80,6 +81,50 @@ def test_the_check_reckons_with_the_baud_rate_that_send_would_take(
     (own_machines.parent / "settings.toml").write_text("baud = 300\n")
     main.run_with(["check", str(program)])
     assert "line-too-slow" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("origin", ["option", "variable", "file"])
+def test_the_plan_reckons_with_the_line_that_send_would_take(
+    origin: str,
+    own_machines: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """(Interface, section 1) Who sends at DNC_BAUD=300 was told of no pass that starves: the profile says 9600."""
+    words = ["plan", str(shipped_path("jobs", "thesis")), "-o", str(tmp_path / "part.mpf")]
+    assert main.run_with(words) == ExitCode.OK
+    assert "starve" not in capsys.readouterr().err
+    if origin == "variable":
+        monkeypatch.setenv("DNC_BAUD", "300")
+    elif origin == "file":
+        (own_machines.parent / "settings.toml").write_text("baud = 300\n")
+    assert main.run_with([*words, *(["--baud", "300"] if origin == "option" else [])]) == ExitCode.OK
+    assert "at 300 baud and 100 % override the line feeds" in capsys.readouterr().err
+
+
+def test_the_plan_reckons_with_a_second_stop_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """(Interface, section 1) With DNC_FORMAT=8N2 a line carries a tenth fewer characters than the profile's 8N1."""
+    report = tmp_path / "plan.json"
+    words = ["plan", str(shipped_path("jobs", "thesis")), "-o", str(tmp_path / "part.mpf"), "--report", str(report)]
+    limits = []
+    for form in ("8N1", "8N2"):
+        monkeypatch.setenv("DNC_FORMAT", form)
+        assert main.run_with([*words, "--baud", "500"]) == ExitCode.OK
+        limits.append(json.loads(report.read_text())["feed_limit_mm_min"]["500"]["100"])
+    assert limits[1] < 0.95 * limits[0]
+
+
+def test_the_check_reckons_with_a_second_stop_bit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(Interface, section 1) Eleven bits a character, not ten."""
+    program = tmp_path / "part.mpf"
+    blocks = "".join(f"G1 X{n % 2}.001 Y0.{n:04d} F1200\n" for n in range(300))
+    program.write_text(f"G0 G90 G17 G54 Z50\nT1 D1 M6\nS1000 M3\n{blocks}M30\n")
+    monkeypatch.setenv("DNC_FORMAT", "8N2")
+    main.run_with(["check", str(program), "--baud", "330"])
+    assert "the line at 330 baud carries 30" in capsys.readouterr().out
 
 
 def test_empty_settings_say_nothing(own_machines: Path) -> None:
