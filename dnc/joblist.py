@@ -74,6 +74,25 @@ def require_readable(state: Path) -> None:
         raise JournalMismatch(f"{what}; check its rights, or set XDG_STATE_HOME to a folder of yours") from None
 
 
+def require_traces(state: Path) -> None:
+    """Raises JournalMismatch where the last job may have left no trace that can be read: an older one would look last.
+
+    A job that cannot write here is sent all the same, with a warning.
+    """
+    require_readable(state)
+    remedy = "a later job may be hidden; use --start-at and the block that the control shows"
+    for path, is_of_kind in (
+        (state, Path.is_dir),
+        (state / "jobs", Path.is_dir),
+        (state / "records.jsonl", Path.is_file),
+    ):
+        if path.exists() and not (is_of_kind(path) and os.access(path, os.W_OK)):
+            raise JournalMismatch(f"{path} cannot be written, so jobs leave no trace there; {remedy}")
+    unread = len(_lines(state)) - len(_records(state))
+    if unread:
+        raise JournalMismatch(f"{state}/records.jsonl: lines that nobody can read: {unread}; {remedy}")
+
+
 def _lines(state: Path) -> list[bytes]:
     try:
         return (state / "records.jsonl").read_bytes().split(b"\n")[:-1]

@@ -13,7 +13,7 @@ import msgspec
 
 from dnc.device_names import device_of, identity_of
 from dnc.errors import JournalMismatch
-from dnc.joblist import PastJob, about_of, past_jobs
+from dnc.joblist import PastJob, about_of, past_jobs, require_traces
 from dnc.line_pace import pace_of
 from dnc.pacing import Pace
 from dnc.places import state_folder
@@ -30,8 +30,9 @@ _BOUNDS = ("framing", "receive_buffer_bytes", "lookahead_blocks", "beyond_recall
 def stopped_job(tape: Tape, machine: str, port: str | None, *, is_forced: bool) -> PastJob:
     """The last job of this program that sent anything through this port, which another port's jobs tell nothing of.
 
-    Raises JournalMismatch if there is none, or if the last one runs, is SENT, or ran on another machine.
+    Raises JournalMismatch if there is none, or if the last one runs, is SENT, ran on another machine, or may be hidden.
     """
+    require_traces(state_folder())
     sha, known = tape.program_sha256, past_jobs(state_folder())
     jobs = [past for past in known if sha in (_sha_of(past), _restarted(past))]
     jobs = [past for past in jobs if not past.values.get("rehearsal") and _has_sent(past)]

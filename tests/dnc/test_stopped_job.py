@@ -62,6 +62,20 @@ def test_the_last_job_of_the_port_that_sent_anything(look: Callable[..., PastJob
     assert look(port="/dev/no such", is_forced=True).job == "2026-2"
 
 
+def test_no_older_job_where_the_last_one_may_have_left_no_trace(look: Callable[..., PastJob], tmp_path: Path) -> None:
+    """(5.7) A job that could write nothing down was overseen, and the one before it resumed."""
+    assert look({}).job == "2026-0"
+    jobs = tmp_path / "dnc" / "jobs"
+    jobs.touch()  # as on a folder without rights, which a test by root cannot make
+    with pytest.raises(JournalMismatch, match="jobs cannot be written, so jobs leave no trace there; a later job may"):
+        look()
+    jobs.unlink()
+    with (tmp_path / "dnc" / "records.jsonl").open("ab") as record:
+        record.write(b"\xff\x00 not a record\n")
+    with pytest.raises(JournalMismatch, match="lines that nobody can read: 1; a later job may be hidden"):
+        look()
+
+
 def test_a_restarted_job_counts_as_one_of_its_program(look: Callable[..., PastJob]) -> None:
     """(5.7) What it sent had another digest: a preamble and a part of the program."""
     with pytest.raises(JournalMismatch, match="no job of exactly this program"):
