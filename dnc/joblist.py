@@ -88,9 +88,14 @@ def require_traces(state: Path) -> None:
     ):
         if path.exists() and not (is_of_kind(path) and os.access(path, os.W_OK)):
             raise JournalMismatch(f"{path} cannot be written, so jobs leave no trace there; {remedy}")
-    unread = len(_lines(state)) - len(_records(state))
+    unread = unread_lines(state)
     if unread:
         raise JournalMismatch(f"{state}/records.jsonl: lines that nobody can read: {unread}; {remedy}")
+
+
+def unread_lines(state: Path) -> int:
+    """How many lines of the record nobody can read: a job each that no list shows."""
+    return len(_lines(state)) - len(_records(state))
 
 
 def _lines(state: Path) -> list[bytes]:

@@ -22,12 +22,16 @@ def command(job: str | None, verify: bool, as_json: bool) -> None:
     INTERRUPTED jobs ended without a word (power cut, kill): their journal bounds what the control can have received.
     """
     from dnc.errors import JournalMismatch
-    from dnc.joblist import first_broken_link, past_jobs, require_readable
+    from dnc.joblist import first_broken_link, past_jobs, require_readable, unread_lines
     from dnc.places import state_folder
     from dnc.progress import printable
 
     require_readable(state_folder())
     jobs = past_jobs(state_folder())
+    unread = unread_lines(state_folder())
+    if unread:
+        what = f"{state_folder()}/records.jsonl: lines that nobody can read: {unread}; their jobs may be missing here"
+        click.echo(f"dnc: warning: {what}", err=True)
     if verify:
         broken = first_broken_link(state_folder())
         if broken is not None:
@@ -41,7 +45,7 @@ def command(job: str | None, verify: bool, as_json: bool) -> None:
         rows = [{**past.values, "job": past.job, "outcome": past.outcome} for past in jobs]
         click.echo(json.dumps({"schema": "dripmill.jobs", "version": 1, "jobs": rows}, indent=1))
         return
-    if not jobs:
+    if not jobs and not unread:
         click.echo("dnc: no job was sent from here yet", err=True)
     for past in jobs:
         if job is not None:

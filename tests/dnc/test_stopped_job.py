@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from dnc.errors import JournalMismatch
+from dnc.cli import main
+from dnc.errors import ExitCode, JournalMismatch
 from dnc.events import JobState
 from dnc.joblist import PastJob
 from dnc.journal import Journal
@@ -74,6 +75,19 @@ def test_no_older_job_where_the_last_one_may_have_left_no_trace(look: Callable[.
         record.write(b"\xff\x00 not a record\n")
     with pytest.raises(JournalMismatch, match="lines that nobody can read: 1; a later job may be hidden"):
         look()
+
+
+def test_the_list_of_jobs_tells_of_a_damaged_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(5.7) "no job was sent from here yet" was said over a record of which no line could be read."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    (tmp_path / "dnc").mkdir()
+    (tmp_path / "dnc" / "records.jsonl").write_bytes(b"\xff\x00 not a record\n")
+    assert main.run_with(["jobs"]) == ExitCode.OK
+    said = capsys.readouterr().err
+    assert "records.jsonl: lines that nobody can read: 1; their jobs may be missing here" in said
+    assert "no job was sent" not in said
 
 
 def test_a_restarted_job_counts_as_one_of_its_program(look: Callable[..., PastJob]) -> None:
