@@ -32,6 +32,7 @@ def test_a_job_that_the_control_ended_is_not_counted_from_its_journal(tmp_path: 
     assert (code, "could not be put on record" in words) == (6, True)
     (past,) = past_jobs(tmp_path / "state/dnc")
     assert (past.outcome, past.values["state"]) == ("INTERRUPTED", "FAULTED")
+    records.rmdir()  # there is room again
     with (
         MillProcess(tmp_path, "--machine", machine) as mill,
         SendProcess(
